@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use softplug_conformance::Corpus;
+use softplug_conformance::{Corpus, CorpusError};
 
 use crate::failure::Failure;
 use crate::screen::Screen;
@@ -23,10 +23,12 @@ pub(crate) struct Source {
 impl Source {
     /// The corpus that was named, else the one in the command.
     pub(crate) fn load(&self) -> Result<Corpus, Failure> {
-        match &self.corpus {
-            Some(folder) => Corpus::read(folder).map_err(Failure::usage),
-            None => Ok(Corpus::embedded()),
-        }
+        self.read_by(Corpus::read)
+    }
+
+    /// As [`load`](Self::load), for what writes cases: there may be none yet.
+    pub(crate) fn load_begun(&self) -> Result<Corpus, Failure> {
+        self.read_by(Corpus::begun)
     }
 
     /// The folder that was named, or the working folder if that is a corpus.
@@ -38,14 +40,33 @@ impl Source {
     /// The corpus that was named, else the one in the command, or that of the working folder if
     /// only it has the profile.
     pub(crate) fn load_for(&self, profile: &str, screen: &Screen) -> Result<Corpus, Failure> {
-        let corpus = self.load()?;
+        self.read_for(profile, screen, Corpus::read)
+    }
+
+    /// As [`load_for`](Self::load_for), for what writes cases: there may be none yet.
+    pub(crate) fn load_begun_for(&self, profile: &str, screen: &Screen) -> Result<Corpus, Failure> {
+        self.read_for(profile, screen, Corpus::begun)
+    }
+
+    fn read_by(&self, read: Read) -> Result<Corpus, Failure> {
+        match &self.corpus {
+            Some(folder) => read(folder).map_err(Failure::usage),
+            None => Ok(Corpus::embedded()),
+        }
+    }
+
+    fn read_for(&self, profile: &str, screen: &Screen, read: Read) -> Result<Corpus, Failure> {
+        let corpus = self.read_by(read)?;
         if self.corpus.is_some() || corpus.ledger(profile).is_some() || !is_here(profile) {
             return Ok(corpus);
         }
         screen.note("note: the corpus is this folder; --corpus names another one");
-        Corpus::read(Path::new(".")).map_err(Failure::usage)
+        read(Path::new(".")).map_err(Failure::usage)
     }
 }
+
+/// How a folder is read.
+type Read = fn(&Path) -> Result<Corpus, CorpusError>;
 
 /// Whether the working folder has a ledger of this profile.
 fn is_here(profile: &str) -> bool {

@@ -107,7 +107,7 @@ pub enum Finding {
     },
     /// A MUST that no MUST case shows.
     #[error(
-        "{clause}: it binds, and no case of level must cites it; write one, or say under excluded why there is none"
+        "{clause}: it is a must, and no case of level must cites it; write one, or say under excluded why there is none"
     )]
     WithoutCase {
         /// The clause.
@@ -115,7 +115,7 @@ pub enum Finding {
     },
     /// A MUST that the profile's model does not judge.
     #[error(
-        "{clause}: it binds, and the model of its profile does not judge it; enter it there, or say under unmodelled why not"
+        "{clause}: it is a must, and the model of its profile does not judge it; enter it there, or say under unmodelled why not"
     )]
     Unmodelled {
         /// The clause.

@@ -145,7 +145,7 @@ pub enum CorpusError {
     #[error(transparent)]
     Trace(#[from] LoadError),
     /// There is nothing to judge by.
-    #[error("{} holds no ledger (requirements/*.toml) or no trace (traces/*/*.spt)", path.display())]
+    #[error("{} holds no ledger (requirements/*.toml) or no trace (traces/*/*.spt); `softplug trace new` begins a trace", path.display())]
     Empty {
         /// The folder.
         path: PathBuf,
@@ -162,7 +162,7 @@ impl Corpus {
         for (part, folder) in PARTS.into_iter().zip([&REQUIREMENTS, &TRACES, &MUTANTS]) {
             embedded(part, folder, &mut files);
         }
-        Self::build(Path::new(""), &files).expect("a test keeps the files that are compiled in")
+        Self::build(Path::new(""), &files, true).expect("a test keeps the files that are compiled in")
     }
 
     /// A corpus in a folder that has the parts of `fixtures`.
@@ -170,16 +170,41 @@ impl Corpus {
     /// # Errors
     /// The first file that cannot be read or is damaged, with its line and column.
     pub fn read(folder: &Path) -> Result<Self, CorpusError> {
+        Self::read_with(folder, true)
+    }
+
+    /// A corpus that is being written: it may have no case yet.
+    ///
+    /// # Errors
+    /// The first file that cannot be read or is damaged, with its line and column.
+    ///
+    /// # Examples
+    /// ```
+    /// use softplug_conformance::{Corpus, CorpusError};
+    ///
+    /// let folder = tempfile::tempdir()?;
+    /// let ledger = "schema = 1\nprofile = \"mine\"\nrevision = 1\ntitle = \"Mine\"\n";
+    /// std::fs::create_dir(folder.path().join("requirements"))?;
+    /// std::fs::write(folder.path().join("requirements/mine.toml"), ledger)?;
+    /// assert_eq!(Corpus::begun(folder.path())?.list().len(), 0);
+    /// assert!(matches!(Corpus::read(folder.path()), Err(CorpusError::Empty { .. })));
+    /// # Ok::<_, Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn begun(folder: &Path) -> Result<Self, CorpusError> {
+        Self::read_with(folder, false)
+    }
+
+    fn read_with(folder: &Path, needs_cases: bool) -> Result<Self, CorpusError> {
         let mut files = Files::new();
         let mut bytes = 0;
         for part in PARTS {
             read_folder(folder, part, &mut files, &mut bytes)?;
         }
-        Self::build(folder, &files)
+        Self::build(folder, &files, needs_cases)
     }
 
     /// `folder` stands in errors and nowhere else.
-    fn build(folder: &Path, files: &Files<'_>) -> Result<Self, CorpusError> {
+    fn build(folder: &Path, files: &Files<'_>, needs_cases: bool) -> Result<Self, CorpusError> {
         let mut ledgers: Vec<Ledger> = Vec::new();
         let mut cases: BTreeMap<String, Case> = BTreeMap::new();
         let mut kills = BTreeMap::new();
@@ -217,7 +242,7 @@ impl Corpus {
                 _ => {}
             }
         }
-        if ledgers.is_empty() || cases.is_empty() {
+        if ledgers.is_empty() || needs_cases && cases.is_empty() {
             return Err(CorpusError::Empty { path: folder.to_owned() });
         }
         ledgers.sort_by(|a, b| a.profile.cmp(&b.profile));

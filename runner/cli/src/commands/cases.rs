@@ -82,8 +82,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         return lint(arguments, screen);
     }
     let corpus = match &arguments.profile {
-        Some(profile) => arguments.corpus.load_for(profile, screen)?,
-        None => arguments.corpus.load()?,
+        Some(profile) => arguments.corpus.load_begun_for(profile, screen)?,
+        None => arguments.corpus.load_begun()?,
     };
     if let Some(profile) = &arguments.profile
         && corpus.ledger(profile).is_none()

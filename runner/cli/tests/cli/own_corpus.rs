@@ -86,6 +86,26 @@ fn the_corpus_of_the_folder_is_found_for_what_only_it_has() {
 }
 
 #[test]
+fn the_first_case_of_a_project_is_begun_where_there_is_none_yet() {
+    let bench = project(NAME, "c");
+    let clause = clause(&bench);
+    std::fs::remove_dir_all(bench.path(&format!("{NAME}/traces"))).unwrap();
+    let lint = run(&bench, &["cases", "--lint"]).with_code(1);
+    assert!(
+        lint.out.contains(&format!("{clause}: it is a must, and no case of level must cites it")),
+        "{lint}"
+    );
+    edit(&bench, LEDGER, "sentence = \"", "sentence = \"Always: ");
+    run(&bench, &["cases", "--lint", "--fix"]).with_code(1);
+    let made = run(&bench, &["trace", "new", &clause]).with_code(0);
+    let file = made.out.trim_end().to_owned();
+    assert!(file.ends_with(&format!("traces/{NAME}/{clause}.spt")), "{made}");
+    run(&bench, &["trace", "fmt", "--check", "traces"]).with_code(0);
+    let nothing = run(&bench, &["certify", NAME, "--profile", "own-corpu"]).with_code(2);
+    assert!(nothing.err.contains("own-corpus"), "{nothing}");
+}
+
+#[test]
 fn a_case_that_shows_no_clause_is_not_begun() {
     let bench = Bench::new();
     let ran = bench.run(&["trace", "new", "xon-xoff.tx.odd"]).with_code(2);

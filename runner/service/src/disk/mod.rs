@@ -4,7 +4,7 @@
 pub mod digest_text;
 mod objects;
 
-pub use objects::{Object, Objects};
+pub use objects::{Object, Objects, copy};
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};

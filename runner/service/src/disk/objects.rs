@@ -115,28 +115,33 @@ impl Objects {
 
     fn spool(&self, from: &mut dyn Read) -> io::Result<(NamedTempFile, Object)> {
         let mut file = tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(&self.folder)?;
-        let mut from = BufReader::with_capacity(64 * 1024, from);
-        let mut sum = Sha256::new();
-        let mut size = 0;
-        loop {
-            let count = match from.fill_buf() {
-                Ok([]) => break,
-                Ok(bytes) => {
-                    file.write_all(bytes)?;
-                    sum.update(bytes);
-                    bytes.len()
-                }
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                // Not to be taken for our own disk's.
-                Err(error) if is_full(&error) => return Err(io::Error::other(error)),
-                Err(error) => return Err(error),
-            };
-            size += count as u64;
-            from.consume(count);
-        }
-        let digest = Digest::from_bytes(sum.finalize().into());
-        Ok((file, Object { digest, size }))
+        let object = copy(from, &mut file)?;
+        Ok((file, object))
     }
+}
+
+/// Copies all that can be read, and tells what it was.
+pub fn copy(from: &mut dyn Read, to: &mut dyn Write) -> io::Result<Object> {
+    let mut from = BufReader::with_capacity(64 * 1024, from);
+    let mut sum = Sha256::new();
+    let mut size = 0;
+    loop {
+        let count = match from.fill_buf() {
+            Ok([]) => break,
+            Ok(bytes) => {
+                to.write_all(bytes)?;
+                sum.update(bytes);
+                bytes.len()
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            // Not to be taken for our own disk's.
+            Err(error) if is_full(&error) => return Err(io::Error::other(error)),
+            Err(error) => return Err(error),
+        };
+        size += count as u64;
+        from.consume(count);
+    }
+    Ok(Object { digest: Digest::from_bytes(sum.finalize().into()), size })
 }
 
 #[cfg(test)]

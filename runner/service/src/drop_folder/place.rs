@@ -24,7 +24,7 @@ use rustix::fs::{AtFlags, CWD, Dir, FileType, Mode, OFlags, RenameFlags, Stat};
 use rustix::fs::{mkdirat, openat, renameat, renameat_with, statat, unlinkat};
 use rustix::io::Errno;
 
-use super::names::{is_passed_over, put_away};
+use super::names::is_passed_over;
 use super::settling::FileState;
 
 /// Names that are looked at in one go; what is more than these waits until there are fewer.
@@ -38,8 +38,8 @@ const CLAIM: usize = 13 + 16;
 /// An open drop folder.
 #[derive(Debug)]
 pub(super) struct Place {
-    folder: OwnedFd,
-    work: OwnedFd,
+    pub(super) folder: OwnedFd,
+    pub(super) work: OwnedFd,
 }
 
 /// What stands in it.
@@ -49,22 +49,6 @@ pub(super) struct Listing {
     pub(super) files: BTreeMap<OsString, FileState>,
     /// What is no file, and what it is.
     pub(super) odd: BTreeMap<OsString, &'static str>,
-}
-
-/// Where a file is put when all is over.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(super) enum Shelf {
-    Done,
-    Failed,
-}
-
-impl Shelf {
-    pub(super) const fn name(self) -> &'static str {
-        match self {
-            Self::Done => "done",
-            Self::Failed => "failed",
-        }
-    }
 }
 
 /// Whose a drop folder is.
@@ -238,31 +222,6 @@ impl Place {
         read(folder.as_fd(), name).map(Some)
     }
 
-    /// Puts the file of a claim away, with a result beside it, and gives the name that it has then.
-    /// Broken off anywhere, it can be done again with the same text.
-    pub(super) fn put_away(
-        &self,
-        claim: &str,
-        shelf: Shelf,
-        name: &OsStr,
-        tag: &str,
-        text: &str,
-    ) -> io::Result<OsString> {
-        let from = child(self.work.as_fd(), claim)?;
-        let to = below(self.folder.as_fd(), shelf.name())?;
-        // Hidden, until all of it is there.
-        let new = OsString::from(format!(".{claim}"));
-        let written = write_new(&to, &new, text);
-        let placed = written.and_then(|()| place(&from, &to, &new, (name, tag, text)));
-        if placed.is_err() {
-            let _ = unlinkat(&to, &*new, AtFlags::empty());
-        }
-        let placed = placed?;
-        sync(&to);
-        self.forget(claim);
-        Ok(placed)
-    }
-
     /// Removes the folder of a claim, if nothing is in it.
     pub(super) fn forget(&self, claim: &str) {
         let _ = unlinkat(&self.work, claim, AtFlags::REMOVEDIR);
@@ -274,46 +233,6 @@ impl Place {
         let folder = child(self.work.as_fd(), claim)?;
         Ok(statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?.st_size as u64)
     }
-}
-
-/// Result first, then the file: a name whose result is there is this one's or taken.
-fn place(
-    from: &OwnedFd,
-    to: &OwnedFd,
-    new: &OsStr,
-    (name, tag, text): (&OsStr, &str, &str),
-) -> io::Result<OsString> {
-    let mut last = Errno::EXIST;
-    for (file, result) in put_away(name, tag) {
-        if statat(to, &*file, AtFlags::SYMLINK_NOFOLLOW).is_ok() {
-            continue;
-        }
-        match rename_to_new(to, new, to, &result) {
-            Ok(()) => {}
-            // Written before a gateway was killed.
-            Err(Errno::EXIST) if has_text(to, &result, text) => {
-                unlinkat(to, new, AtFlags::empty())?;
-            }
-            Err(error @ (Errno::EXIST | Errno::NAMETOOLONG)) => {
-                last = error;
-                continue;
-            }
-            Err(error) => return Err(error.into()),
-        }
-        sync(to);
-        match rename_to_new(from, name, to, &file) {
-            Ok(()) => return Ok(file),
-            Err(error @ (Errno::EXIST | Errno::NAMETOOLONG)) => {
-                last = error;
-                renameat(to, &*result, to, new)?;
-            }
-            Err(error) => {
-                let _ = renameat(to, &*result, to, new);
-                return Err(error.into());
-            }
-        }
-    }
-    Err(last.into())
 }
 
 pub(super) fn state_of(file: &File) -> io::Result<FileState> {
@@ -334,7 +253,7 @@ fn mode(bits: u32) -> Mode {
 }
 
 /// A folder of this one, which is made if need be.
-fn below(folder: BorrowedFd<'_>, name: &str) -> io::Result<OwnedFd> {
+pub(super) fn below(folder: BorrowedFd<'_>, name: &str) -> io::Result<OwnedFd> {
     match mkdirat(folder, name, mode(0o777)) {
         Ok(()) | Err(Errno::EXIST) => child(folder, name),
         // What is there is there, also where nothing may be made.
@@ -342,13 +261,13 @@ fn below(folder: BorrowedFd<'_>, name: &str) -> io::Result<OwnedFd> {
     }
 }
 
-fn child(folder: BorrowedFd<'_>, name: &str) -> io::Result<OwnedFd> {
+pub(super) fn child(folder: BorrowedFd<'_>, name: &str) -> io::Result<OwnedFd> {
     let flags = OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
     Ok(openat(folder, name, flags, Mode::empty())?)
 }
 
 /// Neither a link is followed, nor a pipe waited for.
-fn read(folder: BorrowedFd<'_>, name: &OsStr) -> io::Result<File> {
+pub(super) fn read(folder: BorrowedFd<'_>, name: &OsStr) -> io::Result<File> {
     let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
     let file = File::from(openat(folder, name, flags, Mode::empty())?);
     if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other("it is no file")) }
@@ -374,7 +293,7 @@ fn beside_owner() -> OsString {
 }
 
 /// Writes a file that only we know, until all of it is there.
-fn write_new(folder: &OwnedFd, name: &OsStr, text: &str) -> io::Result<()> {
+pub(super) fn write_new(folder: &OwnedFd, name: &OsStr, text: &str) -> io::Result<()> {
     let flags =
         OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
     let mut file = File::from(openat(folder, name, flags, mode(0o666))?);
@@ -382,7 +301,7 @@ fn write_new(folder: &OwnedFd, name: &OsStr, text: &str) -> io::Result<()> {
 }
 
 /// Never overwrites. Some shares have no such rename: there it is looked first.
-fn rename_to_new(from: &OwnedFd, name: &OsStr, to: &OwnedFd, new: &OsStr) -> Result<(), Errno> {
+pub(super) fn rename_to_new(from: &OwnedFd, name: &OsStr, to: &OwnedFd, new: &OsStr) -> Result<(), Errno> {
     match renameat_with(from, name, to, new, RenameFlags::NOREPLACE) {
         Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
             if statat(to, new, AtFlags::SYMLINK_NOFOLLOW).is_ok() {
@@ -394,15 +313,8 @@ fn rename_to_new(from: &OwnedFd, name: &OsStr, to: &OwnedFd, new: &OsStr) -> Res
     }
 }
 
-fn has_text(folder: &OwnedFd, name: &OsStr, text: &str) -> bool {
-    let Ok(file) = read(folder.as_fd(), name) else { return false };
-    let mut found = Vec::new();
-    let most = text.len() as u64 + 1;
-    file.take(most).read_to_end(&mut found).is_ok() && found == text.as_bytes()
-}
-
 /// Some shares cannot bring a folder onto the disk, and say so: then it is theirs to see to.
-fn sync(folder: &OwnedFd) {
+pub(super) fn sync(folder: &OwnedFd) {
     let _ = rustix::fs::fsync(folder);
 }
 
@@ -421,6 +333,7 @@ mod tests {
     use std::fs;
     use std::os::unix::fs::symlink;
 
+    use super::super::shelf::Shelf;
     use super::*;
 
     const ONE: &str = "00000000000010000000000000001";

@@ -4,13 +4,27 @@ use std::fmt::Write as _;
 
 use softplug_gateway::plain_text;
 
-use super::place::Shelf;
+use super::shelf::Shelf;
 use crate::gateway::evidence::day;
 use crate::jobs::{Claimed, Job, State, grouped};
 use crate::view::TimeMs;
 
-/// A job has ended: where its file goes, and what is said. `size`: that of the file now.
-pub(super) fn of_job(job: &Job, claimed: Claimed, size: u64) -> (Shelf, String) {
+const COPY: &str = "Copy under another name, and rename the file when it is whole.";
+
+/// What a file is when its job has ended, beside what was taken of it.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(super) enum Now {
+    AsTaken,
+    /// It has another size.
+    OfSize(u64),
+    /// It has the same size, and says something else.
+    Rewritten,
+    /// Somebody has removed it.
+    Gone,
+}
+
+/// A job has ended: where its file goes, and what is said.
+pub(super) fn of_job(job: &Job, claimed: Claimed, now: Now) -> (Shelf, String) {
     let (id, link) = (job.id, &job.spec.link);
     let bytes = grouped(claimed.size);
     let is_all = job.state == State::Done && job.extent.surely >= job.size();
@@ -33,14 +47,21 @@ pub(super) fn of_job(job: &Job, claimed: Claimed, size: u64) -> (Shelf, String) 
         }
     }
     text.push_str(".\n");
-    if size != claimed.size {
-        let size = grouped(size);
-        let _ = writeln!(
+    let _ = match now {
+        Now::AsTaken => Ok(()),
+        Now::OfSize(size) => writeln!(
             text,
-            "The file has been written to after it was taken: it has {size} bytes now, {bytes} were \
-             taken. Copy under another name, and rename the file when it is whole."
-        );
-    }
+            "The file has been written to after it was taken: it has {} bytes now, {bytes} were \
+             taken. {COPY}",
+            grouped(size)
+        ),
+        Now::Rewritten => writeln!(
+            text,
+            "The file has been written to after it was taken: what it says now is not what was \
+             taken. {COPY}"
+        ),
+        Now::Gone => writeln!(text, "Somebody has removed the file from work while it was a job."),
+    };
     if !is_all {
         let _ = writeln!(
             text,

@@ -14,11 +14,12 @@ use std::time::{Duration, Instant};
 use softplug_gateway::store::is_open_for_writing;
 
 use super::names::shown;
-use super::place::{Found, Place, Shelf, Whose, state_of};
-use super::result;
+use super::place::{Found, Place, Whose, state_of};
+use super::result::{self, Now};
 use super::settling::{FileState, Settling};
+use super::shelf::Shelf;
 use crate::config::DropConfig;
-use crate::disk::is_full;
+use crate::disk::{copy, is_full};
 use crate::jobs::{Claim, Claimed, Job, JobsError, Weight};
 use crate::view::{DropView, now_ms};
 
@@ -237,24 +238,71 @@ impl<Q: Queue> Watch<Q> {
             Err(JobsError::NotFound(_)) => None,
             Err(error) => return looked.failed(error.to_string()),
         };
-        let put_away = || {
-            let Some(name) = place.claimed(claim)? else {
-                place.forget(claim);
-                return Ok(());
-            };
-            let (shelf, text) = match &job {
-                Some(job) => result::of_job(job, claimed, place.size(claim, &name)?),
-                None => (Shelf::Failed, result::of_forgotten(claimed)),
-            };
-            place.put_away(claim, shelf, &name, &claimed.job.to_string(), &text).map(drop)
-        };
-        if let Err(error) = put_away() {
+        if let Err(error) = self.put_away(place, claim, claimed, job.as_ref()) {
             return looked.failed(not_put_away(&error));
         }
         if let Err(error) = self.queue.settle(claim) {
             // Nobody asks for it again.
             tracing::debug!(%error, claim, "a claim that is settled stays written down");
         }
+    }
+
+    /// Puts away the file of a claim whose job has ended; none: nobody knows any more how. Where the
+    /// file has gone from `work`, what became of it is said all the same.
+    fn put_away(
+        &self,
+        place: &Place,
+        claim: &str,
+        claimed: Claimed,
+        job: Option<&Job>,
+    ) -> io::Result<()> {
+        let tag = claimed.job.to_string();
+        let file = place.claimed(claim)?;
+        let now = match (&file, job) {
+            (None, _) => Now::Gone,
+            (Some(name), Some(job)) => self.now(place, claim, name, claimed, job)?,
+            (Some(_), None) => Now::AsTaken,
+        };
+        let (shelf, text) = match job {
+            Some(job) => result::of_job(job, claimed, now),
+            None => (Shelf::Failed, result::of_forgotten(claimed)),
+        };
+        if let Some(name) = file {
+            return place.put_away(claim, shelf, &name, &tag, &text).map(drop);
+        }
+        let name = job.and_then(|job| job.spec.program.as_deref()).unwrap_or("file").replace('/', "_");
+        let result = place.put_result(claim, shelf, OsStr::new(&name), &tag, &text)?;
+        self.queue.tell(
+            Weight::Warning,
+            format!(
+                "the file of job {tag} is gone from work in the drop folder; what became of it is in \
+                 {}/{}",
+                shelf.name(),
+                shown(&result)
+            ),
+        );
+        Ok(())
+    }
+
+    /// What a claimed file is now, beside what was taken of it.
+    fn now(
+        &self,
+        place: &Place,
+        claim: &str,
+        name: &OsStr,
+        claimed: Claimed,
+        job: &Job,
+    ) -> io::Result<Now> {
+        let size = place.size(claim, name)?;
+        if size != claimed.size {
+            return Ok(Now::OfSize(size));
+        }
+        let file = place.read(claim, name)?;
+        // Where words of a cell were left out, what was sent is shorter, and tells nothing of the file.
+        let taken = job.spec.data.filter(|data| data.size == size);
+        let (Some(mut file), Some(taken)) = (file, taken) else { return Ok(Now::AsTaken) };
+        let found = copy(&mut file, &mut io::sink())?;
+        Ok(if found.digest == taken.digest { Now::AsTaken } else { Now::Rewritten })
     }
 
     /// Makes a job of a file that was claimed.

@@ -45,7 +45,20 @@ impl Control {
     pub(super) fn set_drops(&mut self, links: &[LinkConfig]) {
         let wanted: BTreeMap<_, _> =
             links.iter().filter_map(|link| Some((&link.name, link.drop.as_ref()?))).collect();
-        self.drops.by_link.retain(|link, folder| wanted.get(link) == Some(&&folder.config));
+        let journal = &self.shared.parts.journal_writer;
+        self.drops.by_link.retain(|link, folder| {
+            let is_wanted = wanted.get(link) == Some(&&folder.config);
+            let is_left = wanted.get(link).is_none_or(|new| new.folder != folder.config.folder);
+            let (jobs, place) = (folder.view().under_way, folder.config.folder.display());
+            if !is_wanted && is_left && jobs > 0 {
+                let text = format!(
+                    "the drop folder {place} is no longer looked after: {jobs} of its files are jobs \
+                     that go on, and the files stay in its work until it is the link's folder again"
+                );
+                journal.link(Subject::Job, Weight::Warning, link, text);
+            }
+            is_wanted
+        });
         for (link, config) in wanted {
             if self.drops.by_link.contains_key(link) {
                 continue;
@@ -56,7 +69,6 @@ impl Control {
                 Ok(folder) => drop(self.drops.by_link.insert(link.clone(), folder)),
                 Err(error) => {
                     let text = format!("the drop folder is not looked after: {error}");
-                    let journal = &self.shared.parts.journal_writer;
                     journal.link(Subject::Job, Weight::Alarm, link, text);
                 }
             }

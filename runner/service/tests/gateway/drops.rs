@@ -281,6 +281,60 @@ fn what_a_job_that_was_aborted_had_is_failed_and_says_what_to_do() {
 }
 
 #[test]
+fn a_file_that_is_removed_or_rewritten_while_it_is_a_job_is_told_of_with_the_result() {
+    let shop = shop();
+    shop.hold(0);
+    let both = ["O1.nc", "O2.nc"];
+    for name in both {
+        fs::write(shop.path(&format!("in/{name}")), "G1 X1\n").unwrap();
+    }
+    wait_for("the jobs", || jobs(&shop).len() == 2);
+    let claims = names(&shop.path("in/work")).into_iter().map(|name| String::from_utf8(name).unwrap());
+    for claim in claims.filter(|name| name != ".owner") {
+        let file = |name| shop.path(&format!("in/work/{claim}/{name}"));
+        if file(both[0]).exists() {
+            fs::remove_file(file(both[0])).unwrap();
+        } else {
+            fs::write(file(both[1]), "G1 X2\n").unwrap();
+        }
+    }
+    shop.release(0);
+    shop.drain(0, || shop.path("in/done/O2.nc").exists());
+    let (gone, rewritten) = (shop.path("in/done/O1.nc.txt"), shop.path("in/done/O2.nc.txt"));
+    wait_for("the result of the file that is gone", || gone.exists());
+    assert!(!shop.path("in/done/O1.nc").exists());
+    let said = text(&gone);
+    assert!(said.contains(" is done: all of this program, 6 bytes, has left"), "{said}");
+    assert!(said.contains("removed the file from work while it was a job"), "{said}");
+    wait_for("the journal", || {
+        journal_says(
+            shop.gateway(),
+            "is gone from work in the drop folder; what became of it is in done/O1.nc.txt",
+        )
+    });
+    let said = text(&rewritten);
+    assert!(said.contains("what it says now is not what was taken"), "{said}");
+    wait_for("no claims", || names(&shop.path("in/work")).len() == 1);
+}
+
+#[test]
+fn a_folder_that_is_given_up_with_jobs_under_way_is_told_of() {
+    let shop = shop();
+    shop.hold(0);
+    fs::write(shop.path("in/O1.nc"), "G1 X1\n").unwrap();
+    wait_for("the job", || view(&shop).under_way == 1);
+    fs::create_dir(shop.path("other")).unwrap();
+    shop.configure(|text| text.replace("folder = \"in\"", "folder = \"other\""));
+    shop.gateway().reload().unwrap();
+    let said = "is no longer looked after: 1 of its files are jobs that go on";
+    wait_for("the journal", || journal_says(shop.gateway(), said));
+    shop.configure(|text| text.replace("folder = \"other\"", "folder = \"in\""));
+    shop.gateway().reload().unwrap();
+    shop.release(0);
+    shop.drain(0, || shop.path("in/done/O1.nc").exists());
+}
+
+#[test]
 fn a_reload_takes_a_drop_folder_and_gives_it_up() {
     let shop = shop();
     fs::create_dir(shop.path("other")).unwrap();

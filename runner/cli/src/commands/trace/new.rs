@@ -12,7 +12,7 @@ use softplug_report::Level;
 use softplug_trace::{Entry, Line, Trace, What, is_slug};
 
 use crate::commands::cases::no_profile;
-use crate::corpus::Source;
+use crate::corpus::{REQUIREMENTS, Source};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::Partial;
@@ -66,7 +66,7 @@ pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         return Err(Failure::usage(format_args!("\"{}\" is no id of a case", id.escape_debug()))
             .hint("it is the profile, a dot and more, in lower-case letters, digits and hyphens"));
     }
-    let corpus = arguments.corpus.load_for(profile, screen)?;
+    let corpus = arguments.corpus.load_begun_for(profile, screen)?;
     let ledger = corpus.ledger(profile).ok_or_else(|| no_profile(&corpus, profile))?;
     if corpus.list().iter().any(|case| case.id == id) {
         return Err(Failure::usage(format_args!("there is a case {id} already"))
@@ -82,7 +82,11 @@ pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let out = match (&arguments.out, arguments.corpus.own_folder()) {
         (Some(out), _) => out.clone(),
         (None, Some(folder)) if has(folder, profile) => {
-            folder.join("traces").join(profile).join(format!("{id}.spt"))
+            let traces = folder.join("traces").join(profile);
+            std::fs::create_dir_all(&traces).map_err(|error| {
+                Failure::usage(format_args!("cannot make {}: {error}", traces.display()))
+            })?;
+            traces.join(format!("{id}.spt"))
         }
         (None, _) => PathBuf::from(format!("{id}.spt")),
     };
@@ -94,9 +98,10 @@ pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     Ok(Exit::Done)
 }
 
-/// Whether a folder has traces of the profile.
+/// Whether a folder has the profile: its ledger, or traces of it.
 fn has(folder: &Path, profile: &str) -> bool {
-    folder.join("traces").join(profile).is_dir()
+    folder.join(REQUIREMENTS).join(format!("{profile}.toml")).is_file()
+        || folder.join("traces").join(profile).is_dir()
 }
 
 /// The clauses that were named, else the one of the case's name, else those of the case that it is
