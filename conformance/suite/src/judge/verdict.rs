@@ -101,7 +101,10 @@ impl fmt::Display for Failure {
             writeln!(f, "    {line}")?;
         }
         if self.class == Class::DependsOnPast {
-            writeln!(f, "  a case that rightly leaves something for the next says so in its head: leaves: WHAT")?;
+            writeln!(
+                f,
+                "  a case that rightly leaves something for the next says so in its head: leaves: WHAT"
+            )?;
         }
         write!(f, "  again: {}", self.again)
     }

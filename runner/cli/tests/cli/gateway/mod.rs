@@ -206,7 +206,10 @@ fn a_gateway_that_is_killed_knows_what_was_under_way() {
     // Jobs and journal, by what they are about and when.
     let listed = |words: &[&str]| gateway.ask(&bench, &token, words).with_code(0).json();
     let count = |words: &[&str]| listed(words).as_array().unwrap().len();
-    assert_eq!(count(&["job", "list", "--find", "o1.N", "--kind", "send", "--since", "1h", "--json"]), 1);
+    assert_eq!(
+        count(&["job", "list", "--find", "o1.N", "--kind", "send", "--since", "1h", "--json"]),
+        1
+    );
     assert_eq!(count(&["job", "list", "--find", "O2", "--json"]), 0);
     assert_eq!(count(&["job", "list", "--until", "1h", "--json"]), 0);
     let journal = listed(&["journal", "--job", "1", "--kind", "job", "--link", "lathe", "--json"]);
