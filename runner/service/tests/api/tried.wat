@@ -1,4 +1,4 @@
-;; A plug-in that, when its job begins and at each timer, does what is written in place of HOW.
+;; A plug-in that does, when its job begins and at each timer, what a test puts in.
 (module
   (@custom "softplug.manifest"
     "{\"abi\":\"1.0\",\"name\":\"NAME\",\"version\":\"1.0.0\",\"licence\":\"MIT\","

@@ -156,5 +156,5 @@ function sentence(link, program, answer) {
   if (result === 'refused') return `${link.name} refuses it ${way}: ${message}.`;
   if (result === 'passes') return `${program} passes as it is written to ${link.name}, ${way}.`;
   const verb = altered.length === 1 ? 'does' : 'do';
-  return `${program} is sent to ${link.name}, but ${text.count(altered.length)} of its ${characters(different)} ${verb} not arrive as written, ${way}.`;
+  return `${program} is sent to ${link.name}, but ${text.count(altered.length)} of its ${text.count(different)} different characters ${verb} not arrive as written, ${way}.`;
 }
