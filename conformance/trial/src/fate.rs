@@ -134,8 +134,9 @@ where
         if self.trial.setup.line.data_bits < 8 && sent.iter().any(|byte| *byte > 0x7F) {
             return Ok(Fate::Cut);
         }
-        // What comes behind it, such as a sum, may be another one for it.
-        let sent = if sent.starts_with(&bytes) { &bytes } else { sent };
+        // What stands around it, such as a length or a sum, may be another one for it.
+        let is_within = sent.windows(bytes.len()).any(|run| run == bytes);
+        let sent = if is_within { &bytes } else { sent };
         let text: String = sent.iter().map(|byte| char::from(byte & 0x7F)).collect();
         let is_text =
             self.is_plain && sent != bytes && text.chars().all(|c| (' '..='~').contains(&c));
