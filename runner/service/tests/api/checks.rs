@@ -101,7 +101,9 @@ fn what_cannot_be_checked_is_refused_in_a_sentence() {
         refused(&bench, "lathe-1", name, 422);
     }
     assert!(refused(&bench, "lathe-1", "O1.nc&kind=sned", 422).contains("has no job \"sned\""));
-    assert!(refused(&bench, "lathe-1", "O1.nc&fields=%7B%22x%22:%221%22%7D", 422).contains("fields"));
+    assert!(
+        refused(&bench, "lathe-1", "O1.nc&fields=%7B%22x%22:%221%22%7D", 422).contains("fields")
+    );
     refused(&bench, "lathe-1", "O1.nc&fields=x", 400);
     refused(&bench, "lathe-1", "O1.nc&from_block=2", 400);
     bench.get("/links/lathe-1/check").with(400);
