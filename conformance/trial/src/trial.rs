@@ -134,6 +134,13 @@ pub struct Note {
     pub text: String,
 }
 
+impl End {
+    fn is_unanswered(&self) -> bool {
+        let unanswered = [Failure::NoAnswer, Failure::AttemptsUsedUp];
+        matches!(self, Self::Failed { failure, .. } if unanswered.contains(failure))
+    }
+}
+
 /// What is kept of a run.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub(crate) enum Keep {
@@ -176,7 +183,7 @@ where
         let Setup { manifest, settings, line, depth, job_kind, records, .. } = self.setup;
         let exchange = if keep == Keep::All { Exchange::new(line) } else { Exchange::unheard() };
         let partner = Willing::new(&self.setup, exchange.clone())?;
-        let is_dialogue = partner.is_dialogue();
+        let (is_dialogue, is_nobody) = (partner.is_dialogue(), partner.is_nobody());
         let mut paper = Paper::new(program, keep, exchange, &self.budget);
         let options = LinkOptions { line, settings: settings.clone(), ..LinkOptions::default() };
         let instance = (self.instantiate)().map_err(TrialError::Instance)?;
@@ -204,8 +211,10 @@ where
         if paper.end.is_none() && paper.is_spent() {
             return Err(self.given_up());
         }
+        // An answer that nobody gives is not missing because of the program.
+        let end = paper.end.filter(|end| !(is_nobody && end.is_unanswered()));
         Ok(Tried {
-            end: paper.end,
+            end,
             supplied: paper.supplied,
             wire: paper.wire,
             dialogue: if is_dialogue { paper.exchange.pieces() } else { Vec::new() },

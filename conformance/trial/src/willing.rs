@@ -82,6 +82,11 @@ impl Willing {
         }
     }
 
+    /// Whether nobody answers. No partner is needed then, or none is known.
+    pub(crate) fn is_nobody(&self) -> bool {
+        matches!(self.machine, Machine::Nobody)
+    }
+
     /// Whether what it says belongs to what is to be seen: telegrams go both ways.
     pub(crate) fn is_dialogue(&self) -> bool {
         !matches!(self.machine, Machine::Nobody | Machine::Ready(_) | Machine::Lathe(_))

@@ -10,7 +10,7 @@ use softplug_abi::manifest::Manifest;
 use softplug_abi::{
     Action, ActionWriter, Event, Failure, Instance, LineParameters, Micros, NoSpace, Output,
 };
-use softplug_trial::{Budget, CheckResult, Checked, Fate, Setup, Trial, TrialError};
+use softplug_trial::{Budget, CheckResult, Checked, Fate, Setup, Trial, TrialError, WAITS};
 
 /// What a plug-in does at each event. It sees the bytes of its job so far.
 type Act = fn(&Event<'_>, Micros, &[u8], &mut ActionWriter<'_>) -> Result<(), NoSpace>;
@@ -80,6 +80,32 @@ fn ticking(
         Event::JobBegin { .. } | Event::Timer { .. } => actions.set_timer(0, now + Micros(1)),
         _ => Ok(()),
     }
+}
+
+/// Asks, and gives up when no answer has come for a second.
+fn asking(
+    event: &Event<'_>,
+    now: Micros,
+    _: &[u8],
+    actions: &mut ActionWriter<'_>,
+) -> Result<(), NoSpace> {
+    match event {
+        Event::JobBegin { .. } => {
+            actions.transmit(&[0x05])?;
+            actions.set_timer(0, now + Micros::from_secs(1))
+        }
+        Event::Timer { .. } => {
+            let failure = Failure::NoAnswer;
+            actions.push(&Action::JobFailed { job: 1, failure, status: 0, sent: 0 })
+        }
+        _ => Ok(()),
+    }
+}
+
+#[test]
+fn an_answer_of_a_protocol_without_a_known_partner_is_no_fault_of_the_program() {
+    let error = check(asking, b"G1 X1\n", Budget::units(50_000_000)).unwrap_err();
+    assert_eq!(error.to_string(), WAITS);
 }
 
 /// Sends without end.

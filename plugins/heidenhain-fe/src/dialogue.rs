@@ -1,6 +1,7 @@
 //! The dialogue with the control: what it says, and what it is answered.
 
 use crate::frame::{ACK, DC1, DC3, EOT, ETX, Frame, Heard, NAK, SOH};
+use crate::line::spoken;
 use crate::stage::Stage;
 use crate::{HeidenhainFe, NAME, Timer};
 use softplug_plugin::{Context, Failure, NoteLevel, ValueWriter, Values};
@@ -78,9 +79,7 @@ impl HeidenhainFe {
             }
             b'E' if !rest.is_empty() => {
                 self.asked.clear();
-                for byte in name {
-                    self.asked.push(*byte);
-                }
+                self.asked.extend(name);
                 if self.sender.is_waiting() {
                     self.supply(link);
                 } else {
@@ -141,7 +140,7 @@ impl HeidenhainFe {
             link.note(NoteLevel::Warning, 0, "the program that was granted did not come");
             self.refuse(link);
         } else {
-            self.sender.fail(link, Failure::NoAnswer);
+            self.sender.job.fail(link, Failure::NoAnswer);
         }
     }
 
@@ -156,14 +155,14 @@ impl HeidenhainFe {
 
     /// Sends the next block, or the end, as far as there is all that it needs.
     pub(crate) fn go_on(&mut self, link: &mut Context<'_>) {
-        if self.stage == Stage::Filling && self.line.owes_nothing() {
+        if self.stage == Stage::Filling && self.answers.owes_nothing() {
             self.stage = self.sender.next(link, &self.settings);
         }
     }
 
     fn acknowledged(&mut self, link: &mut Context<'_>) {
         // An answer that comes before the block can have left is none.
-        if self.stage == Stage::Answer && self.sender.has_left() {
+        if self.stage == Stage::Answer && self.sender.job.has_left() {
             self.timers.cancel(link, Timer::Answer);
             self.sender.acknowledged();
             self.stage = Stage::Filling;
@@ -172,11 +171,11 @@ impl HeidenhainFe {
     }
 
     fn refused(&mut self, link: &mut Context<'_>) {
-        if self.stage != Stage::Answer || !self.sender.has_left() {
+        if self.stage != Stage::Answer || !self.sender.job.has_left() {
             return;
         }
         self.timers.cancel(link, Timer::Answer);
-        if self.sender.repeats(self.settings.repeats) {
+        if self.sender.job.repeats(self.settings.repeats) {
             self.stage = Stage::Filling;
             self.go_on(link);
         } else {
@@ -203,9 +202,8 @@ impl HeidenhainFe {
             return;
         }
         self.timers.cancel(link, Timer::Answer);
-        link.discard();
-        self.line.forget_owed();
-        self.sender.stopping = Some(failure);
+        self.sender.job.stop(link, failure);
+        self.answers.forget();
         self.stage = Stage::Idle;
         if !partner_knows(failure) {
             self.say(link, EOT);
@@ -248,11 +246,6 @@ impl HeidenhainFe {
         }
     }
 
-    pub(crate) fn has_transmit_room(&mut self, link: &mut Context<'_>) {
-        self.line.pay(link, &self.settings);
-        self.go_on(link);
-    }
-
     pub(crate) fn end_reception(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
         if self.stage.is_receiving() {
             self.receiver.end(link, failure);
@@ -285,7 +278,7 @@ impl HeidenhainFe {
     }
 
     pub(crate) fn say(&mut self, link: &mut Context<'_>, byte: u8) {
-        self.line.say(link, &self.settings, byte);
+        self.answers.say(link, &[spoken(&self.settings, byte)]);
     }
 
     pub(crate) fn hold(&mut self, link: &mut Context<'_>) {
@@ -304,6 +297,6 @@ impl HeidenhainFe {
 }
 
 /// Whether the control need not be told that the job is over.
-pub(crate) fn partner_knows(failure: Failure) -> bool {
+fn partner_knows(failure: Failure) -> bool {
     matches!(failure, Failure::Refused | Failure::PartnerReset | Failure::LinkDown)
 }

@@ -1,7 +1,7 @@
 //! Headers and blocks on the wire: their characters, their check, one at a time.
 
 use softplug_plugin::State;
-use softplug_plugin::parts::Block;
+use softplug_plugin::parts::{Block, checks};
 
 pub(crate) const SOH: u8 = 0x01;
 pub(crate) const STX: u8 = 0x02;
@@ -24,7 +24,7 @@ pub(crate) type Text = Block<CAPACITY>;
 /// The check character: even longitudinal parity over seven bits, from SOH or STX
 /// through ETB.
 pub(crate) fn block_check(begin: u8, text: &[u8]) -> u8 {
-    text.iter().fold(begin ^ ETB, |check, byte| check ^ byte) & 0x7F
+    checks::bcc(&[&[begin, ETB], text]) & 0x7F
 }
 
 /// Whether the check character would be taken for a control character.

@@ -14,15 +14,14 @@ mod stage;
 
 pub use settings::{LineEnd, Parity, Settings};
 
-use dialogue::partner_knows;
 use frame::{EOT, Reader, Text};
-use line::{Line, heard};
+use line::heard;
 use receiver::Receiver;
 use sender::Sender;
-use softplug_plugin::parts::{Part, PartEvent, StateName, TimerName, Timers};
+use softplug_plugin::parts::{Answers, Part, PartEvent, StateName, TimerName, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, State, StateError, StateReader, StateWriter, Unread, Value, Values, timers,
+    NoteLevel, Opening, State, Unread, Value, Values, state_format, timers,
 };
 use stage::Stage;
 
@@ -47,15 +46,16 @@ timers! {
 }
 
 /// The converter.
-#[derive(Debug)]
+#[derive(Debug, State)]
 pub struct HeidenhainFe {
+    #[state(skip)]
     settings: Settings,
     stage: Stage,
     reader: Reader,
     /// The control holds the line.
     is_held: bool,
     timers: Timers<Timer, 4>,
-    line: Line,
+    answers: Answers<16>,
     sender: Sender,
     receiver: Receiver,
     /// The request that the host has not answered.
@@ -64,7 +64,9 @@ pub struct HeidenhainFe {
     takes: bool,
     /// The name that the control asks for.
     asked: Text,
+    #[state(skip)]
     name: StateName,
+    #[state(skip)]
     unread: Unread,
 }
 
@@ -73,7 +75,6 @@ softplug_plugin::export!(HeidenhainFe);
 impl Converter for HeidenhainFe {
     type Settings = Settings;
     const MANIFEST: &'static str = settings::MANIFEST;
-    const STATE_FORMAT: Option<u16> = Some(3);
 
     fn new(settings: Settings) -> Self {
         Self {
@@ -82,7 +83,7 @@ impl Converter for HeidenhainFe {
             reader: Reader::default(),
             is_held: false,
             timers: Timers::new(),
-            line: Line::default(),
+            answers: Answers::new(),
             sender: Sender::default(),
             receiver: Receiver::default(),
             request: 0,
@@ -95,13 +96,15 @@ impl Converter for HeidenhainFe {
 
     fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
         self.timers.hear(link, event);
+        self.answers.hear(link, event);
+        self.sender.job.hear(link, event);
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         if opening.resumed {
             self.takes |= opening.delivery_room > 0;
             // Rooms are told anew: what has grown meanwhile is not told again.
-            self.has_transmit_room(link);
+            self.go_on(link);
             self.has_delivery_room(link);
         } else {
             self.takes = opening.delivery_room > 0;
@@ -145,8 +148,8 @@ impl Converter for HeidenhainFe {
         self.reader.forget();
         self.give_up(link, Failure::LinkDown);
         // How much of a job on the line has left is told at once.
-        if self.sender.stopping.is_none() {
-            self.sender.fail(link, Failure::LinkDown);
+        if self.sender.job.is_active() {
+            self.sender.job.fail(link, Failure::LinkDown);
         }
         self.end_watch(link);
     }
@@ -178,29 +181,23 @@ impl Converter for HeidenhainFe {
     }
 
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
-        if self.sender.left(mark, state) && state == MarkState::SurelyLeft {
+        if self.sender.job.is_latest(mark) && state == MarkState::SurelyLeft {
             match self.stage {
                 Stage::Answer => {
                     self.timers.set_after(link, Timer::Answer, self.settings.answer_time);
                 }
                 Stage::Ending => {
                     self.stage = Stage::Idle;
-                    self.sender.done(link);
+                    self.sender.job.done(link);
                 }
                 _ => {}
             }
         }
+        self.go_on(link);
     }
 
     fn transmit_room(&mut self, link: &mut Context<'_>) {
-        self.has_transmit_room(link);
-    }
-
-    fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
-        self.line.pay(link, &self.settings);
-        let Some(failure) = self.sender.stopping else { return };
-        self.sender.dropped(bytes);
-        self.sender.fail(link, failure);
+        self.go_on(link);
     }
 
     fn delivery_room(&mut self, link: &mut Context<'_>) {
@@ -213,7 +210,7 @@ impl Converter for HeidenhainFe {
             return;
         }
         if self.sender.is_checking() {
-            self.sender.ask(link);
+            self.sender.want(link);
         } else if self.stage == Stage::Granted {
             self.supply(link);
         } else {
@@ -221,11 +218,10 @@ impl Converter for HeidenhainFe {
         }
     }
 
-    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, _bytes: &[u8]) {
         if self.sender.is_checking() {
-            self.sender.check(link, &self.settings, bytes);
+            self.sender.check(link, &self.settings);
         } else {
-            self.sender.data(bytes);
             self.go_on(link);
         }
     }
@@ -234,17 +230,11 @@ impl Converter for HeidenhainFe {
         if self.sender.is_checking() {
             self.sender.checked(link);
         } else {
-            self.sender.data_ended();
             self.go_on(link);
         }
     }
 
-    fn pause(&mut self, _link: &mut Context<'_>, _job: u32) {
-        self.sender.is_paused = true;
-    }
-
     fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
-        self.sender.is_paused = false;
         self.go_on(link);
     }
 
@@ -261,7 +251,7 @@ impl Converter for HeidenhainFe {
             if self.stage != Stage::Granted {
                 self.timers.cancel(link, Timer::Job);
             }
-            self.sender.fail(link, Failure::Aborted);
+            self.sender.job.fail(link, Failure::Aborted);
         }
         self.end_watch(link);
     }
@@ -296,7 +286,7 @@ impl Converter for HeidenhainFe {
     fn after(&mut self, link: &mut Context<'_>) {
         let name = match self.stage {
             Stage::Filling | Stage::Answer | Stage::Ending if self.is_held => "held",
-            Stage::Filling if self.sender.is_paused => "paused",
+            Stage::Filling if self.sender.job.is_paused() => "paused",
             Stage::Filling | Stage::Answer | Stage::Ending => "sending",
             Stage::Receiving => "receiving",
             Stage::Waiting => "receiving, no room",
@@ -309,56 +299,7 @@ impl Converter for HeidenhainFe {
         self.name.tell(link, name);
     }
 
-    fn save(&self, state: &mut StateWriter<'_>) {
-        self.stage.save(state, self.sender.stopping);
-        self.reader.save(state);
-        self.is_held.save(state);
-        self.timers.save(state);
-        self.line.save(state);
-        self.sender.save(state);
-        self.receiver.save(state);
-        self.request.save(state);
-        self.asked.save(state);
-        self.takes.save(state);
-    }
-
-    fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        if !(1..=3).contains(&format) {
-            return Err(StateError::FORMAT);
-        }
-        state.field(&"HeidenhainFe.stage");
-        let stopping = self.stage.restore(state);
-        self.reader.restore(state);
-        state.field(&"HeidenhainFe.is_held");
-        self.is_held.restore(state);
-        state.field(&"HeidenhainFe.timers");
-        self.timers.restore(state);
-        if format >= 3 {
-            state.field(&"HeidenhainFe.line");
-            self.line.restore(state);
-        }
-        self.sender.restore(state);
-        self.sender.stopping = stopping;
-        self.receiver.restore(state);
-        if format < 2 {
-            self.receiver.waiting = self.reader.text();
-        }
-        state.field(&"HeidenhainFe.request");
-        self.request.restore(state);
-        state.field(&"HeidenhainFe.asked");
-        self.asked.restore(state);
-        state.field(&"HeidenhainFe.takes");
-        let is_set = state.bool();
-        if format < 3 {
-            // EOT followed only when it was known how much had left.
-            if stopping.is_some_and(|failure| !partner_knows(failure)) {
-                self.line.owe(EOT);
-            }
-        } else {
-            self.takes = is_set;
-        }
-        Ok(())
-    }
+    state_format!(4);
 }
 
 /// The name in a job's fields.

@@ -11,9 +11,8 @@ pub(crate) struct Receiver {
     refusals: u32,
     /// ETX has come.
     at_end: bool,
-    /// A good line for which there was no room; before format 2 it was the reader's.
-    #[state(since = 2)]
-    pub(crate) waiting: Text,
+    /// A good line for which there was no room.
+    waiting: Text,
 }
 
 impl Receiver {

@@ -230,6 +230,29 @@ fn the_time_for_an_answer_begins_when_the_block_has_left_for_certain() {
 }
 
 #[test]
+fn blocks_go_on_when_a_port_says_late_what_has_left() {
+    let mut bench = bench().open();
+    bench.send("1 L X+10\n".repeat(70).as_bytes());
+    bench.host(|link, now, host| {
+        link.received(now, &header("H15E"), host)?;
+        let mut taken = 0;
+        for round in 1..200 {
+            let now = now + Micros(100 * round);
+            link.run(now, host)?;
+            while let Taken::Bytes(count) = link.take(&mut [0; 64]) {
+                taken += count as u64;
+            }
+            // The port has it all at once, and says seldom that it has gone.
+            link.left(taken, if round % 50 == 0 { taken } else { 0 });
+            link.run(now, host)?;
+            link.received(now, &[ACK], host)?;
+        }
+        Ok(())
+    });
+    assert_eq!(job_end(&bench), Some((None, 70 * 12 + 2)));
+}
+
+#[test]
 fn what_cannot_be_sent_is_refused_before_it_is_sent() {
     let long = "X".repeat(241);
     let cases = [

@@ -1,7 +1,7 @@
 //! Why something failed: a failure with the protocol's own number beside it.
 
 use core::num::NonZeroU32;
-use softplug_plugin::{Failure, StateReader, StateWriter};
+use softplug_plugin::{Failure, State, StateReader, StateWriter};
 
 /// A failure and its status, event class and number, in one word: it is passed
 /// on and kept in many places.
@@ -58,12 +58,18 @@ impl Cause {
     pub(crate) fn status(self) -> u16 {
         self.0.get() as u16
     }
+}
 
-    pub(crate) fn save(cause: Option<Self>, state: &mut StateWriter<'_>) {
-        state.u32(cause.map_or(0, |cause| cause.0.get()));
+/// A cause, or none, that lasts longer than an event.
+#[derive(Copy, Clone, Debug, Default)]
+pub(crate) struct Kept(pub(crate) Option<Cause>);
+
+impl State for Kept {
+    fn save(&self, state: &mut StateWriter<'_>) {
+        state.u32(self.0.map_or(0, |cause| cause.0.get()));
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Option<Self> {
-        NonZeroU32::new(state.u32()).map(Self)
+    fn restore(&mut self, state: &mut StateReader<'_>) {
+        self.0 = NonZeroU32::new(state.u32()).map(Cause);
     }
 }

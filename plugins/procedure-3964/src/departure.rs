@@ -1,12 +1,12 @@
 //! When the last byte that we queued has left the wire.
 
-use softplug_plugin::{Context, MarkState, StateError, StateReader, StateWriter};
+use softplug_plugin::{Context, MarkState, State};
 
 /// Marks that may be outstanding: well below the 64 that a host allows. A
 /// partner that answers too early over and over could use them up.
 const MOST_OUTSTANDING: u8 = 32;
 
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
 enum Stage {
     /// Nothing is watched, or it has left.
     #[default]
@@ -20,7 +20,7 @@ enum Stage {
 }
 
 /// Watches one byte at a time.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, State)]
 pub(crate) struct Departure {
     stage: Stage,
     mark: u32,
@@ -74,22 +74,5 @@ impl Departure {
         }
         self.stage = if state == MarkState::MaybeLeft { Stage::MaybeLeft } else { Stage::None };
         Some(state)
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u8(self.stage as u8);
-        state.u32(self.mark);
-        state.u8(self.outstanding);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let stage = match state.u8() {
-            0 => Stage::None,
-            1 => Stage::Wanted,
-            2 => Stage::Marked,
-            3 => Stage::MaybeLeft,
-            _ => return Err(StateError::DAMAGED),
-        };
-        Ok(Self { stage, mark: state.u32(), outstanding: state.u8() })
     }
 }

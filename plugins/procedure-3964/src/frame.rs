@@ -1,8 +1,8 @@
 //! A block on the wire: doubled DLE, the end `DLE ETX`, the block check.
 
 use crate::Options;
-use crate::block::Block;
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use softplug_plugin::State;
+use softplug_plugin::parts::Block;
 
 pub(crate) const STX: u8 = 0x02;
 pub(crate) const ETX: u8 = 0x03;
@@ -15,7 +15,7 @@ pub(crate) fn holds_end(data: &[u8]) -> bool {
 }
 
 /// Where in a block the encoder or the decoder stands.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
 enum Part {
     /// Data.
     #[default]
@@ -30,21 +30,8 @@ enum Part {
     End,
 }
 
-impl Part {
-    fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        match state.u8() {
-            0 => Ok(Self::Data),
-            1 => Ok(Self::AfterDle),
-            2 => Ok(Self::Etx),
-            3 => Ok(Self::Bcc),
-            4 => Ok(Self::End),
-            _ => Err(StateError::DAMAGED),
-        }
-    }
-}
-
 /// From data to what follows STX on the wire, byte by byte.
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, Default, State)]
 pub(crate) struct Encoder {
     part: Part,
     /// How many data bytes have gone.
@@ -90,16 +77,6 @@ impl Encoder {
     pub(crate) fn is_at_end(self) -> bool {
         self.part == Part::End
     }
-
-    pub(crate) fn save(self, state: &mut StateWriter<'_>) {
-        state.u8(self.part as u8);
-        state.u16(self.at);
-        state.u8(self.bcc);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        Ok(Self { part: Part::restore(state)?, at: state.u16(), bcc: state.u8() })
-    }
 }
 
 /// What a received byte was.
@@ -116,7 +93,7 @@ pub(crate) enum Step {
 }
 
 /// From what follows STX on the wire to data, byte by byte.
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, Default, State)]
 pub(crate) struct Decoder {
     part: Part,
     bcc: u8,
@@ -134,7 +111,11 @@ impl Decoder {
         let bcc = self.bcc;
         self.bcc ^= byte;
         let mut data = |byte| {
-            if block.len() < limit && block.push(byte) { Step::Inside } else { Step::TooLong }
+            if block.len() < limit.into() && block.push(byte) {
+                Step::Inside
+            } else {
+                Step::TooLong
+            }
         };
         match (self.part, byte) {
             (Part::Bcc, _) => return Step::End(byte == bcc),
@@ -176,15 +157,6 @@ impl Decoder {
     /// Whether the last byte was a DLE whose partner has not come.
     pub(crate) fn is_after_dle(self) -> bool {
         self.part == Part::AfterDle
-    }
-
-    pub(crate) fn save(self, state: &mut StateWriter<'_>) {
-        state.u8(self.part as u8);
-        state.u8(self.bcc);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        Ok(Self { part: Part::restore(state)?, bcc: state.u8() })
     }
 }
 

@@ -1,14 +1,14 @@
 //! The job under way: its data is pulled block by block.
 
-use crate::block::Block;
-use crate::cause::Cause;
-use softplug_plugin::{Context, StateError, StateReader, StateWriter};
+use crate::cause::{Cause, Kept};
+use softplug_plugin::parts::Block;
+use softplug_plugin::{Context, State};
 
 /// Largest block in bytes, of data or of a telegram.
 pub(crate) const BLOCK: usize = 1_024;
 
 /// What a job is at.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
 pub(crate) enum Stage {
     /// There is no job.
     #[default]
@@ -26,8 +26,7 @@ pub(crate) enum Stage {
 }
 
 /// The job, with the block that is sent for it.
-#[derive(Debug)]
-#[repr(C)]
+#[derive(Debug, State)]
 pub(crate) struct Job {
     pub(crate) stage: Stage,
     pub(crate) id: u32,
@@ -39,7 +38,7 @@ pub(crate) struct Job {
     pub(crate) ended: bool,
     pub(crate) paused: bool,
     /// Why it fails.
-    pub(crate) failing: Option<Cause>,
+    pub(crate) failing: Kept,
     pub(crate) block: Block<BLOCK>,
 }
 
@@ -52,7 +51,7 @@ impl Job {
             sent: 0,
             ended: false,
             paused: false,
-            failing: None,
+            failing: Kept(None),
             block: Block::new(),
         }
     }
@@ -65,7 +64,7 @@ impl Job {
         self.sent = 0;
         self.ended = false;
         self.paused = false;
-        self.failing = None;
+        self.failing = Kept(None);
         self.block.clear();
     }
 
@@ -86,37 +85,7 @@ impl Job {
     #[inline(never)]
     pub(crate) fn failed(&mut self, link: &mut Context<'_>, cause: Cause) {
         self.stage = Stage::None;
-        self.failing = None;
+        self.failing = Kept(None);
         link.job_failed(self.id, cause.failure(), cause.status(), self.sent);
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u8(self.stage as u8);
-        state.u32(self.id);
-        state.u16(self.kind);
-        state.u64(self.sent);
-        state.bool(self.ended);
-        state.bool(self.paused);
-        Cause::save(self.failing, state);
-        self.block.save(state);
-    }
-
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        self.stage = match state.u8() {
-            0 => Stage::None,
-            1 => Stage::Filling,
-            2 => Stage::Ready,
-            3 => Stage::Begun,
-            4 => Stage::Awaiting,
-            5 => Stage::Failing,
-            _ => return Err(StateError::DAMAGED),
-        };
-        self.id = state.u32();
-        self.kind = state.u16();
-        self.sent = state.u64();
-        self.ended = state.bool();
-        self.paused = state.bool();
-        self.failing = Cause::restore(state);
-        self.block.restore(state)
     }
 }

@@ -4,7 +4,6 @@
 //! defaults of their [`Options`]. The protocol's page is `docs/protocols/3964r.md`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
-mod block;
 mod cause;
 mod departure;
 mod frame;

@@ -1,7 +1,6 @@
 //! The state machine that sender and receiver share: one character, one mark or
 //! one timer at a time.
 
-use crate::block::Block;
 use crate::cause::*;
 use crate::departure::Departure;
 use crate::frame::{DLE, Decoder, Encoder, NAK, STX};
@@ -10,20 +9,23 @@ use crate::phase::Phase;
 use crate::queue::{Meant, Runs};
 use crate::rk512::{LARGEST_TELEGRAM, Rk512, timeout_at};
 use crate::{Layer, Options, Priority};
+use softplug_plugin::parts::{Block, TimerName, Timers};
 use softplug_plugin::{
-    Context, LineErrorKind, MarkState, Micros, NoteLevel, Opening, StateError, StateReader,
-    StateWriter,
+    Context, LineErrorKind, MarkState, Micros, NoteLevel, Opening, State, Unread, timers,
 };
 
-/// Timer: QVZ, ZVZ, BWZ or the wait for a buffer, whichever is running.
-const PROCEDURE: u8 = 0;
-/// Timer: the reaction to our telegram.
-const REACTION: u8 = 1;
-/// Timer: the host's answer to the partner's telegram.
-const REQUEST: u8 = 2;
+timers! {
+    /// What time is kept for.
+    pub(crate) enum Timer {
+        /// QVZ, ZVZ, BWZ or the wait for a buffer, whichever is running.
+        Procedure,
+        /// The reaction to our telegram.
+        Reaction,
+        /// The host's answer to the partner's telegram.
+        Request,
+    }
+}
 
-/// Most bytes of one event.
-const INPUT: usize = 1_040;
 /// Most that one character can put out: a block that is delivered, and what
 /// follows from it.
 const MOST_OUTPUT: usize = 1_600;
@@ -39,23 +41,24 @@ pub(crate) fn after(link: &Context<'_>, millis: i64) -> Micros {
 }
 
 /// Whose block is on the line.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, State)]
 pub(crate) enum Owner {
     Job,
     /// The reaction to a telegram of the partner.
     Reaction,
 }
 
-/// Sender and receiver. In this order, because what stands at the front takes
-/// less code to reach.
-#[derive(Debug)]
-#[repr(C)]
+/// Sender and receiver.
+#[derive(Debug, State)]
 pub(crate) struct Machine {
-    pub(crate) phase: Phase,
+    #[state(skip)]
     pub(crate) options: Options,
+    pub(crate) phase: Phase,
     /// When the wait of this phase is over.
     pub(crate) deadline: Micros,
     pub(crate) departure: Departure,
+    pub(crate) job: Job,
+    pub(crate) rk512: Rk512,
     // Sender.
     pub(crate) owner: Owner,
     pub(crate) encoder: Encoder,
@@ -74,26 +77,27 @@ pub(crate) struct Machine {
     pub(crate) waiting: Runs,
     // Receiver.
     pub(crate) decoder: Decoder,
+    pub(crate) block: Block<BLOCK>,
+    /// Most data bytes of a block.
+    pub(crate) limit: u16,
+    /// Blocks that were refused since the first STX.
+    pub(crate) refused: u8,
+    pub(crate) first_error: Kept,
     /// There was an error in this block.
     pub(crate) is_faulty: bool,
     /// We withdrew an STX of our own for this block.
     pub(crate) withdrew: bool,
-    /// Characters of this block, as far as they are counted.
-    pub(crate) heard: u8,
-    /// Blocks that were refused since the first STX.
-    pub(crate) refused: u8,
-    /// Most data bytes of a block.
-    pub(crate) limit: u16,
-    pub(crate) first_error: Option<Cause>,
     pub(crate) buffer_until: Micros,
     pub(crate) last_delivery: u32,
-    pub(crate) rk512: Rk512,
-    pub(crate) job: Job,
-    pub(crate) block: Block<BLOCK>,
-    // What follows lives within one event, or follows from the above.
+    /// Characters of this block, as far as they are counted.
+    pub(crate) heard: u8,
+    /// Set again from the deadlines after each event.
+    #[state(skip)]
+    pub(crate) timers: Timers<Timer, 3>,
     /// Bytes of this instant that had to wait for space in the output.
-    rest: Block<INPUT>,
-    armed: [Micros; 3],
+    #[state(skip)]
+    unread: Unread,
+    #[state(skip)]
     named: Phase,
 }
 
@@ -120,14 +124,14 @@ impl Machine {
             block: const { Block::new() },
             limit: 0,
             refused: 0,
-            first_error: None,
+            first_error: Kept(None),
             is_faulty: false,
             withdrew: false,
             heard: 0,
             buffer_until: Micros::ZERO,
             last_delivery: 0,
-            rest: const { Block::new() },
-            armed: [NEVER; 3],
+            timers: Timers::new(),
+            unread: const { Unread::new() },
             named: Phase::Idle,
         }
     }
@@ -159,15 +163,14 @@ impl Machine {
             self.character(link, Some(*byte), Some(*byte));
             rest = after;
         }
-        self.rest.clear();
-        self.rest.extend(rest);
+        self.unread.keep(link, rest);
         self.finish(link);
     }
 
     /// Goes on with what the output had no space for.
     pub(crate) fn more(&mut self, link: &mut Context<'_>) {
-        let rest = self.rest.clone();
-        self.received(link, rest.as_slice());
+        let unread = self.unread;
+        self.received(link, unread.bytes());
     }
 
     pub(crate) fn line_error(
@@ -250,14 +253,11 @@ impl Machine {
     }
 
     pub(crate) fn timer(&mut self, link: &mut Context<'_>, id: u8) {
-        if let Some(armed) = self.armed.get_mut(usize::from(id)) {
-            *armed = NEVER;
-        }
-        match id {
-            PROCEDURE => self.waited(link),
-            REACTION => self.reaction_late(link),
-            REQUEST => self.answer_late(link),
-            _ => {}
+        match Timer::from_id(id) {
+            Some(Timer::Procedure) => self.waited(link),
+            Some(Timer::Reaction) => self.reaction_late(link),
+            Some(Timer::Request) => self.answer_late(link),
+            None => {}
         }
         self.settle(link);
     }
@@ -379,15 +379,15 @@ impl Machine {
     /// What each event ends with: the rest of the output, the mark, the timers.
     pub(crate) fn finish(&mut self, link: &mut Context<'_>) {
         let is_cut = self.queue_waiting(link) || self.pump(link);
-        if is_cut || !self.rest.is_empty() {
+        if is_cut {
             link.again();
         }
         if self.is_all_queued() {
             self.departure.set_mark(link);
         }
-        self.arm(link, PROCEDURE, self.deadline);
-        self.arm(link, REACTION, self.rk512.reaction_until);
-        self.arm(link, REQUEST, self.rk512.answer_until);
+        self.arm(link, Timer::Procedure, self.deadline);
+        self.arm(link, Timer::Reaction, self.rk512.reaction_until);
+        self.arm(link, Timer::Request, self.rk512.answer_until);
         if self.named != self.phase {
             self.name(link);
         }
@@ -399,85 +399,8 @@ impl Machine {
     }
 
     #[inline(never)]
-    fn arm(&mut self, link: &mut Context<'_>, id: u8, deadline: Micros) {
-        let Some(armed) = self.armed.get_mut(usize::from(id)) else { return };
-        if *armed == deadline {
-            return;
-        }
-        *armed = deadline;
-        if deadline == NEVER {
-            link.cancel_timer(id);
-        } else {
-            link.set_timer(id, deadline);
-        }
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u8(self.phase as u8);
-        state.micros(self.deadline);
-        self.departure.save(state);
-        self.job.save(state);
-        self.rk512.save(state);
-        state.bool(self.owner == Owner::Reaction);
-        self.encoder.save(state);
-        state.u8(self.setups);
-        state.u8(self.transmissions);
-        state.bool(self.stx_seen);
-        state.bool(self.discards);
-        self.meant.save(state);
-        state.bool(self.owes_nak);
-        self.queued.save(state);
-        self.waiting.save(state);
-        self.decoder.save(state);
-        self.block.save(state);
-        state.u16(self.limit);
-        state.u8(self.refused);
-        Cause::save(self.first_error, state);
-        state.bool(self.is_faulty);
-        state.bool(self.withdrew);
-        state.micros(self.buffer_until);
-        state.u32(self.last_delivery);
-        state.u8(self.heard);
-    }
-
-    pub(crate) fn restore(
-        &mut self,
-        format: u16,
-        state: &mut StateReader<'_>,
-    ) -> Result<(), StateError> {
-        self.phase = Phase::restore(state)?;
-        self.deadline = state.micros();
-        self.departure = Departure::restore(state)?;
-        self.job.restore(state)?;
-        self.rk512.restore(state)?;
-        self.owner = if state.bool() { Owner::Reaction } else { Owner::Job };
-        self.encoder = Encoder::restore(state)?;
-        self.setups = state.u8();
-        self.transmissions = state.u8();
-        self.stx_seen = state.bool();
-        if format < 2 {
-            // What a discard has taken is not known any more.
-            self.discards = state.u16() > 0;
-            self.meant = Meant::ALL;
-            let _ = state.bool();
-        } else {
-            self.discards = state.bool();
-            self.meant = Meant::restore(state);
-            self.owes_nak = state.bool();
-            self.queued.restore(state)?;
-            self.waiting.restore(state)?;
-        }
-        self.decoder = Decoder::restore(state)?;
-        self.block.restore(state)?;
-        self.limit = state.u16();
-        self.refused = state.u8();
-        self.first_error = Cause::restore(state);
-        self.is_faulty = state.bool();
-        self.withdrew = state.bool();
-        self.buffer_until = state.micros();
-        self.last_delivery = state.u32();
-        self.heard = if format < 2 { 1 } else { state.u8() };
-        Ok(())
+    fn arm(&mut self, link: &mut Context<'_>, timer: Timer, deadline: Micros) {
+        self.timers.set(link, timer, (deadline != NEVER).then_some(deadline));
     }
 
     pub(crate) fn has_job(&self) -> bool {

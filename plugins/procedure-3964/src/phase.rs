@@ -1,10 +1,10 @@
 //! The states of the procedure.
 
-use softplug_plugin::{StateError, StateReader};
+use softplug_plugin::State;
 
 /// What the procedure is at. Sender and receiver share the line, so they share
 /// the state.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, State)]
 pub(crate) enum Phase {
     Idle,
     /// Characters came in idle: waiting for silence.
@@ -46,21 +46,6 @@ impl Phase {
             Self::Sending => "sending",
             Self::Disturbed => "disturbed",
             Self::AcknowledgementWait => "waiting for acknowledgement",
-        }
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        match state.u8() {
-            0 => Ok(Self::Idle),
-            1 => Ok(Self::Garbage),
-            2 => Ok(Self::BufferWait),
-            3 => Ok(Self::Receiving),
-            4 => Ok(Self::RepetitionWait),
-            5 => Ok(Self::DleWait),
-            6 => Ok(Self::Sending),
-            7 => Ok(Self::Disturbed),
-            8 => Ok(Self::AcknowledgementWait),
-            _ => Err(StateError::DAMAGED),
         }
     }
 }

@@ -4,9 +4,10 @@ use crate::Options;
 use crate::machine::Machine;
 use core::fmt::Debug;
 use core::marker::PhantomData;
+use softplug_plugin::parts::{Part, PartEvent};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    Opening, RawValue, SettingSet, StateError, StateReader, StateWriter,
+    Opening, RawValue, SettingSet, State, state_format,
 };
 
 /// What one plug-in of the family adds: its settings with their defaults, and its manifest.
@@ -47,19 +48,23 @@ impl<V: Variant> SettingSet for Configured<V> {
 }
 
 /// A converter of the family.
-#[derive(Debug)]
+#[derive(Debug, State)]
 pub struct Procedure<V> {
     machine: Machine,
+    #[state(skip)]
     variant: PhantomData<V>,
 }
 
 impl<V: Variant> Converter for Procedure<V> {
     type Settings = Configured<V>;
     const MANIFEST: &'static str = V::MANIFEST;
-    const STATE_FORMAT: Option<u16> = Some(2);
 
     fn new(settings: Configured<V>) -> Self {
         Self { machine: Machine::new(settings.options), variant: PhantomData }
+    }
+
+    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
+        self.machine.timers.hear(link, event);
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
@@ -138,14 +143,5 @@ impl<V: Variant> Converter for Procedure<V> {
         self.machine.more(link);
     }
 
-    fn save(&self, state: &mut StateWriter<'_>) {
-        self.machine.save(state);
-    }
-
-    fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        if !(1..=2).contains(&format) {
-            return Err(StateError::DAMAGED);
-        }
-        self.machine.restore(format, state)
-    }
+    state_format!(2);
 }

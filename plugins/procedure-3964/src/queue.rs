@@ -1,7 +1,7 @@
 //! What was queued last, and what waits to be queued. A discard takes all that the port
 //! has not been given; what was not meant is queued again.
 
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use softplug_plugin::{State, StateReader, StateWriter};
 
 /// Runs that are remembered: more than a partner brings about that sends hundreds of STX
 /// at once.
@@ -51,7 +51,7 @@ impl Part {
 }
 
 /// Which of what waits is not to be sent.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
 pub(crate) struct Meant(u8);
 
 impl Meant {
@@ -71,14 +71,6 @@ impl Meant {
             Part::JobSetUp | Part::ReactionSetUp | Part::Job | Part::Reaction => 2,
         };
         self.0 & needed != 0
-    }
-
-    pub(crate) fn save(self, state: &mut StateWriter<'_>) {
-        state.u8(self.0);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
-        Self(state.u8())
     }
 }
 
@@ -212,20 +204,21 @@ impl Runs {
         }
         *self = all;
     }
+}
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+impl State for Runs {
+    fn save(&self, state: &mut StateWriter<'_>) {
         state.u16(self.length);
         state.bytes(self.as_slice().as_flattened());
     }
 
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
+    fn restore(&mut self, state: &mut StateReader<'_>) {
         self.clear();
         for _ in 0..state.u16() {
-            let run = Run::from_bytes(state.u32().to_le_bytes()).ok_or(StateError::DAMAGED)?;
-            if !self.push(run) {
-                return Err(StateError::DAMAGED);
+            match Run::from_bytes(state.u32().to_le_bytes()) {
+                Some(run) if self.push(run) => {}
+                _ => return state.refuse(),
             }
         }
-        Ok(())
     }
 }

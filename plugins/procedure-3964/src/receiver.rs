@@ -16,7 +16,7 @@ impl Machine {
     pub(crate) fn set_up_asked(&mut self, link: &mut Context<'_>, is_repetition: bool) {
         if !is_repetition {
             self.refused = 0;
-            self.first_error = None;
+            self.first_error.0 = None;
         }
         self.withdrew = false;
         self.is_faulty = false;
@@ -110,7 +110,7 @@ impl Machine {
     #[inline(never)]
     pub(crate) fn fault(&mut self, link: &mut Context<'_>, cause: Cause) {
         self.warn(link, cause.status());
-        self.first_error.get_or_insert(cause);
+        self.first_error.0.get_or_insert(cause);
         self.is_faulty = true;
     }
 
@@ -143,7 +143,7 @@ impl Machine {
         self.put(link, NAK);
         // Both sides withdrew: each answered the other's STX, and nothing follows.
         if self.withdrew && self.heard == 1 && self.decoder.is_after_dle() {
-            self.first_error = Some(BOTH_LOW);
+            self.first_error.0 = Some(BOTH_LOW);
             self.end_reception(link, BOTH_LOW);
             // Our STX may wait for the port still.
             self.drop_queue(link);
@@ -155,7 +155,7 @@ impl Machine {
 
     /// Gives the reception up, for its first error or else for this one.
     pub(crate) fn end_reception(&mut self, link: &mut Context<'_>, cause: Cause) {
-        let cause = *self.first_error.get_or_insert(cause);
+        let cause = *self.first_error.0.get_or_insert(cause);
         self.warn(link, cause.status());
         if cause == NO_BUFFER {
             self.block.clear();

@@ -46,7 +46,7 @@ impl Machine {
 
     pub(crate) fn job_data(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         if self.job.stage == Stage::Filling {
-            let fits = self.job.block.extend(bytes);
+            let fits = self.job.block.extend(bytes) == bytes.len();
             let taken = match self.options.layer {
                 Layer::Rk512 => self.telegram_data(),
                 Layer::None => self.block_data(fits),
@@ -56,7 +56,7 @@ impl Machine {
     }
 
     fn block_data(&mut self, fits: bool) -> Result<(), Cause> {
-        let length = i64::from(self.job.block.len());
+        let length = self.job.block.len() as i64;
         if !fits || length > self.options.block_size {
             return Err(JOB_TOO_LONG);
         }
@@ -131,13 +131,13 @@ impl Machine {
     /// The job fails, if there is one: at once, or when it is known how much
     /// left for it.
     pub(crate) fn fail_job(&mut self, link: &mut Context<'_>, cause: Cause) {
-        if !self.has_job() || self.job.failing.is_some() {
+        if !self.has_job() || self.job.failing.0.is_some() {
             return;
         }
         self.end_reading(link, Some(cause));
         if self.discards {
             self.job.stage = Stage::Failing;
-            self.job.failing = Some(cause);
+            self.job.failing.0 = Some(cause);
         } else {
             self.job.failed(link, cause);
         }
@@ -201,7 +201,7 @@ impl Machine {
                 self.departure.watch();
             }
         }
-        if let Some(cause) = self.job.failing {
+        if let Some(cause) = self.job.failing.0 {
             self.job.failed(link, cause);
         }
         self.settle(link);

@@ -127,7 +127,7 @@ macro_rules! procedure_manifest {
             r#"{"code":2060,"name":"(08)0C","text":"damaged character"},"#,
             r#"{"code":2061,"name":"(08)0D","text":"BREAK"}],"#,
             r#""needs":{"line_errors":"used"},"#,
-            r#""state":{"saves":2,"accepts":[2,1]}"#,
+            r#""state":{"saves":2,"accepts":[2]}"#,
         )
     };
 }

@@ -1,7 +1,6 @@
 //! The control bytes and the escape of the transparent mode.
 
 use crate::Settings;
-use softplug_plugin::StateError;
 
 /// Bytes that are looked at together.
 const PIECE: usize = 64;
@@ -15,26 +14,6 @@ const TOPS: u64 = u64::from_ne_bytes([0x80; 8]);
 pub(crate) enum Control {
     Xon,
     Xoff,
-}
-
-impl Control {
-    /// For a saved state.
-    pub(crate) fn code(control: Option<Self>) -> u8 {
-        match control {
-            None => 0,
-            Some(Self::Xon) => 1,
-            Some(Self::Xoff) => 2,
-        }
-    }
-
-    pub(crate) fn from_code(code: u8) -> Result<Option<Self>, StateError> {
-        match code {
-            0 => Ok(None),
-            1 => Ok(Some(Self::Xon)),
-            2 => Ok(Some(Self::Xoff)),
-            _ => Err(StateError::DAMAGED),
-        }
-    }
 }
 
 /// The bytes that mean something on this link.

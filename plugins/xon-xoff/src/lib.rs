@@ -15,30 +15,30 @@ mod state;
 pub use settings::{ControlInData, LineEnd, OnLineError, Settings, WhileSending};
 
 use codes::{Codes, Control};
-use receiver::Receiver;
+use receiver::{Receiver, Timer};
 use sender::Sender;
+use softplug_plugin::parts::{Part, PartEvent, TimerName};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, StateError, StateReader, StateWriter,
+    NoteLevel, Opening, State, state_format,
 };
-use state::State;
+use state::Name;
 
-/// Timer: silence ends the reception.
-const QUIET: u8 = 0;
-/// Timer: nothing came since our XON, say it again.
-const REPEAT_XON: u8 = 1;
-/// Timer: the partner has held us too long.
+/// The sender's timer, behind those of the receiver: the partner has held us too long.
 const HELD: u8 = 2;
 
 /// The converter.
-#[derive(Debug)]
+#[derive(Debug, State)]
 pub struct XonXoff {
+    #[state(skip)]
     settings: Settings,
+    #[state(skip)]
     codes: Codes,
     sender: Sender,
     receiver: Receiver,
     /// The state that the host knows.
-    named: Option<State>,
+    #[state(skip)]
+    named: Option<Name>,
 }
 
 softplug_plugin::export!(XonXoff);
@@ -46,7 +46,6 @@ softplug_plugin::export!(XonXoff);
 impl Converter for XonXoff {
     type Settings = Settings;
     const MANIFEST: &'static str = settings::MANIFEST;
-    const STATE_FORMAT: Option<u16> = Some(1);
 
     fn check_settings(settings: &Settings) -> Result<(), &'static str> {
         settings.check()
@@ -63,12 +62,15 @@ impl Converter for XonXoff {
         }
     }
 
+    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
+        self.receiver.timers.hear(link, event);
+    }
+
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         self.sender.set_plain(&self.settings);
         self.receiver.set_plain(&self.settings);
         if opening.resumed {
             self.sender.set_timers(link);
-            self.receiver.set_timers(link);
         } else {
             self.receiver.set_marks(&self.settings, opening.delivery_room);
             if self.settings.xon_at_open && self.settings.speak {
@@ -128,11 +130,10 @@ impl Converter for XonXoff {
     }
 
     fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
-        match id {
-            QUIET => self.receiver.quiet(link, &self.settings),
-            REPEAT_XON => self.receiver.repeat_xon(link, &self.settings, &self.codes),
-            HELD => self.sender.stop(link, Failure::HeldTooLong),
-            _ => {}
+        match Timer::from_id(id) {
+            Some(Timer::Quiet) => self.receiver.quiet(link, &self.settings),
+            Some(Timer::RepeatXon) => self.receiver.repeat_xon(link, &self.settings, &self.codes),
+            None => self.sender.stop(link, Failure::HeldTooLong),
         }
         self.name_state(link);
     }
@@ -199,19 +200,7 @@ impl Converter for XonXoff {
         self.name_state(link);
     }
 
-    fn save(&self, state: &mut StateWriter<'_>) {
-        self.sender.save(state);
-        self.receiver.save(state);
-    }
-
-    fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        if Some(format) != Self::STATE_FORMAT {
-            return Err(StateError::DAMAGED);
-        }
-        self.sender = Sender::restore(state)?;
-        self.receiver = Receiver::restore(state)?;
-        Ok(())
-    }
+    state_format!(1);
 }
 
 impl XonXoff {
@@ -228,15 +217,15 @@ impl XonXoff {
     /// Without a call, for the most frequent event.
     #[inline(always)]
     fn name_state_here(&mut self, link: &mut Context<'_>) {
-        let state = self.sender.state().unwrap_or_else(|| self.receiver.state());
-        if self.named != Some(state) {
-            self.name(link, state);
+        let name = self.sender.state().unwrap_or_else(|| self.receiver.state());
+        if self.named != Some(name) {
+            self.name(link, name);
         }
     }
 
     #[cold]
-    fn name(&mut self, link: &mut Context<'_>, state: State) {
-        self.named = Some(state);
-        link.state(state.name());
+    fn name(&mut self, link: &mut Context<'_>, name: Name) {
+        self.named = Some(name);
+        link.state(name.text());
     }
 }

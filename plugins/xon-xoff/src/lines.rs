@@ -1,7 +1,7 @@
 //! Line ends: LF, CR LF, CR, LF CR and LF CR CR are each read as one.
 
 use crate::LineEnd;
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use softplug_plugin::State;
 
 /// What a byte of text becomes.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -15,7 +15,7 @@ pub(crate) enum Piece {
 }
 
 /// Reads line ends over any cut.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
 pub(crate) enum Lines {
     #[default]
     InLine,
@@ -42,19 +42,5 @@ impl Lines {
         };
         *self = next;
         piece
-    }
-
-    pub(crate) fn save(self, state: &mut StateWriter<'_>) {
-        state.u8(self as u8);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        match state.u8() {
-            0 => Ok(Self::InLine),
-            1 => Ok(Self::AfterCr),
-            2 => Ok(Self::AfterLf),
-            3 => Ok(Self::AfterLfCr),
-            _ => Err(StateError::DAMAGED),
-        }
     }
 }

@@ -1,17 +1,35 @@
 //! The receiver: delivers what comes and stops the partner in time.
 
-use crate::codes::{Codes, Control};
+use crate::codes::Codes;
 use crate::lines::{Lines, Piece};
-use crate::state::State;
-use crate::{LineEnd, OnLineError, QUIET, REPEAT_XON, Settings};
-use softplug_plugin::{
-    Context, Failure, LineErrorKind, Micros, NoteLevel, StateError, StateReader, StateWriter,
-};
+use crate::state::Name;
+use crate::{LineEnd, OnLineError, Settings};
+use softplug_plugin::parts::Timers;
+use softplug_plugin::{Context, Failure, LineErrorKind, Micros, NoteLevel, State, timers};
+
+timers! {
+    /// What the receiver keeps time for.
+    pub(crate) enum Timer {
+        /// Silence ends the reception.
+        Quiet,
+        /// Nothing came since our XON, say it again.
+        RepeatXon,
+    }
+}
 
 /// The mark of our control bytes; the sender counts its own up from 1.
 pub(crate) const OUR_CONTROL: u32 = u32::MAX;
 
-#[derive(Clone, Debug, Default)]
+/// What we say to the partner.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
+enum Said {
+    #[default]
+    Nothing,
+    Xon,
+    Xoff,
+}
+
+#[derive(Clone, Debug, Default, State)]
 pub(crate) struct Receiver {
     /// Id of the delivery under way; 0: none.
     delivery: u32,
@@ -27,29 +45,30 @@ pub(crate) struct Receiver {
     stopped: bool,
     /// When we sent the latest XOFF, and how many characters came since. Those of
     /// the same time do not count, so that cuts make no difference.
-    xoff_at: Micros,
+    xoff_at: Option<Micros>,
     after_xoff: u32,
     /// Nothing came since our XON.
     xon_unanswered: bool,
     /// The control byte of ours that has not left yet. Another waits until it has: a
     /// partner that sends faster than the line cannot make more of them wait.
-    leaving: Option<Control>,
-    quiet_at: Option<Micros>,
-    repeat_at: Option<Micros>,
-    /// Something came in the event under way.
-    heard: bool,
+    leaving: Said,
+    pub(crate) timers: Timers<Timer, 2>,
     low: u32,
     high: u32,
+    /// Something came in the event under way.
+    #[state(skip)]
+    heard: bool,
     /// What comes is delivered as it is, but for control bytes.
+    #[state(skip)]
     plain: bool,
 }
 
 impl Receiver {
-    pub(crate) fn state(&self) -> State {
+    pub(crate) fn state(&self) -> Name {
         match (self.delivery, self.stopped) {
-            (0, false) => State::Idle,
-            (_, true) => State::Stopped,
-            (_, false) => State::Receiving,
+            (0, false) => Name::Idle,
+            (_, true) => Name::Stopped,
+            (_, false) => Name::Receiving,
         }
     }
 
@@ -65,15 +84,6 @@ impl Receiver {
             && settings.receive_line_end == LineEnd::Keep
             && settings.receive_drop.as_slice().is_empty()
             && settings.end_mark.as_slice().is_empty();
-    }
-
-    pub(crate) fn set_timers(&self, link: &mut Context<'_>) {
-        if let Some(at) = self.quiet_at {
-            link.set_timer(QUIET, at);
-        }
-        if let Some(at) = self.repeat_at {
-            link.set_timer(REPEAT_XON, at);
-        }
     }
 
     /// Characters, none of them a control byte.
@@ -145,7 +155,7 @@ impl Receiver {
     }
 
     fn count_after_xoff(&mut self, link: &Context<'_>, characters: u32) {
-        if self.stopped && link.now() > self.xoff_at {
+        if self.stopped && self.xoff_at.is_some_and(|at| link.now() > at) {
             self.after_xoff = self.after_xoff.saturating_add(characters);
         }
     }
@@ -162,14 +172,14 @@ impl Receiver {
             return;
         }
         self.xon_unanswered = false;
-        self.set_repeat(link, None);
+        self.timers.set(link, Timer::RepeatXon, None);
         if settings.speak {
             let repeat = settings.xoff_repeat as u32;
             let is_full = !self.stopped && link.delivery_room() < self.low;
             let is_ignored = self.stopped && repeat > 0 && self.after_xoff >= repeat;
             if is_full || is_ignored {
                 self.stopped = true;
-                self.xoff_at = link.now();
+                self.xoff_at = Some(link.now());
                 self.after_xoff = 0;
                 self.say(link, codes);
             }
@@ -194,7 +204,6 @@ impl Receiver {
         settings: &Settings,
         codes: &Codes,
     ) {
-        self.repeat_at = None;
         if self.xon_unanswered && self.delivery != 0 {
             self.say(link, codes);
             self.await_repeat(link, settings);
@@ -202,7 +211,6 @@ impl Receiver {
     }
 
     pub(crate) fn quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        self.quiet_at = None;
         let lacks_mark = !settings.end_mark.as_slice().is_empty() && !self.is_complete(settings);
         self.end(link, lacks_mark.then_some(Failure::NoEndMark));
     }
@@ -215,8 +223,8 @@ impl Receiver {
         link.delivery_end(self.delivery, self.failure.or(failure), 0);
         self.delivery = 0;
         self.xon_unanswered = false;
-        self.set_quiet(link, None);
-        self.set_repeat(link, None);
+        self.timers.set(link, Timer::Quiet, None);
+        self.timers.set(link, Timer::RepeatXon, None);
     }
 
     /// The partner is not left waiting: what it still sends is another delivery.
@@ -302,22 +310,22 @@ impl Receiver {
     /// Says ahead of all else whether the partner may send, or as soon as what was
     /// said before has left.
     pub(crate) fn say(&mut self, link: &mut Context<'_>, codes: &Codes) {
-        if self.leaving.is_some() {
+        if self.leaving != Said::Nothing {
             return;
         }
-        self.leaving = Some(self.to_say());
+        self.leaving = self.to_say();
         let byte = if self.stopped { codes.xoff } else { codes.xon };
         link.transmit_urgent_marked(OUR_CONTROL, &[byte]);
     }
 
-    fn to_say(&self) -> Control {
-        if self.stopped { Control::Xoff } else { Control::Xon }
+    fn to_say(&self) -> Said {
+        if self.stopped { Said::Xoff } else { Said::Xon }
     }
 
     /// Our control byte has left.
     pub(crate) fn left(&mut self, link: &mut Context<'_>, codes: &Codes) {
-        let is_behind = self.leaving.take().is_some_and(|left| left != self.to_say());
-        if is_behind {
+        let left = core::mem::take(&mut self.leaving);
+        if left != Said::Nothing && left != self.to_say() {
             self.say(link, codes);
         }
     }
@@ -328,75 +336,15 @@ impl Receiver {
         let span =
             if self.is_complete(settings) { settings.end_quiet } else { settings.quiet_time };
         let is_timed = self.delivery != 0 && !self.stopped && span > 0;
-        self.set_quiet(link, is_timed.then(|| link.now() + Micros::from_millis(span)));
+        let at = is_timed.then(|| link.now() + Micros::from_millis(span));
+        self.timers.set(link, Timer::Quiet, at);
     }
 
     fn await_repeat(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let span = settings.xon_repeat;
         let is_timed = self.delivery != 0 && span > 0;
-        self.set_repeat(link, is_timed.then(|| link.now() + Micros::from_millis(span)));
-    }
-
-    #[inline(always)]
-    fn set_quiet(&mut self, link: &mut Context<'_>, at: Option<Micros>) {
-        set_timer(link, QUIET, &mut self.quiet_at, at);
-    }
-
-    fn set_repeat(&mut self, link: &mut Context<'_>, at: Option<Micros>) {
-        set_timer(link, REPEAT_XON, &mut self.repeat_at, at);
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u32(self.delivery);
-        state.u32(self.last_delivery);
-        state.failure(self.failure);
-        state.bool(self.escaped);
-        self.lines.save(state);
-        state.u32(self.mark_progress);
-        state.u32(self.marks_seen);
-        state.bool(self.stopped);
-        state.deadline(Some(self.xoff_at));
-        state.u32(self.after_xoff);
-        state.bool(self.xon_unanswered);
-        state.u8(Control::code(self.leaving));
-        state.deadline(self.quiet_at);
-        state.deadline(self.repeat_at);
-        state.u32(self.low);
-        state.u32(self.high);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        Ok(Self {
-            delivery: state.u32(),
-            last_delivery: state.u32(),
-            failure: state.failure(),
-            escaped: state.bool(),
-            lines: Lines::restore(state)?,
-            mark_progress: state.u32(),
-            marks_seen: state.u32(),
-            stopped: state.bool(),
-            xoff_at: state.deadline().unwrap_or_default(),
-            after_xoff: state.u32(),
-            xon_unanswered: state.bool(),
-            leaving: Control::from_code(state.u8())?,
-            quiet_at: state.deadline(),
-            repeat_at: state.deadline(),
-            low: state.u32(),
-            high: state.u32(),
-            ..Self::default()
-        })
-    }
-}
-
-#[inline(always)]
-fn set_timer(link: &mut Context<'_>, id: u8, known: &mut Option<Micros>, at: Option<Micros>) {
-    if *known == at {
-        return;
-    }
-    *known = at;
-    match at {
-        Some(at) => link.set_timer(id, at),
-        None => link.cancel_timer(id),
+        let at = is_timed.then(|| link.now() + Micros::from_millis(span));
+        self.timers.set(link, Timer::RepeatXon, at);
     }
 }
 

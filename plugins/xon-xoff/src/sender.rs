@@ -2,17 +2,15 @@
 
 use crate::codes::Codes;
 use crate::lines::{Lines, Piece};
-use crate::state::State;
+use crate::state::Name;
 use crate::{ControlInData, HELD, LineEnd, Settings};
-use softplug_plugin::{
-    Context, Failure, JobStart, Micros, Pass, StateError, StateReader, StateWriter,
-};
+use softplug_plugin::{Context, Failure, JobStart, Micros, Pass, State};
 
 /// Data that may be under way to us: what it grows to fits the output buffer.
 const MOST_WANTED: u32 = 3_072;
 
 /// What the sender is at.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
 enum Stage {
     /// No job.
     #[default]
@@ -23,13 +21,16 @@ enum Stage {
     Feeding,
     /// All is queued; waiting until the last byte has left.
     Draining,
-    /// The queue is being dropped; the job then fails for this reason.
-    Stopping(Failure),
+    /// The queue is being dropped; the job then fails.
+    Stopping,
 }
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, State)]
+#[state(check = Self::is_sound)]
 pub(crate) struct Sender {
     stage: Stage,
+    /// Why the job is being stopped.
+    failure: Option<Failure>,
     job: u32,
     /// Asked for and not yet given.
     wanted: u32,
@@ -50,8 +51,10 @@ pub(crate) struct Sender {
     held_until: Option<Micros>,
     /// What follows from control bytes is done behind the last of their event, of which
     /// there may be a thousand.
+    #[state(skip)]
     is_hearing: bool,
     /// Bytes of a program are sent as they are, but for control bytes.
+    #[state(skip)]
     plain: bool,
 }
 
@@ -68,15 +71,15 @@ impl Sender {
 
     /// What people are told, if there is a job.
     #[inline(always)]
-    pub(crate) fn state(&self) -> Option<State> {
+    pub(crate) fn state(&self) -> Option<Name> {
         let state = match self.stage {
             Stage::Idle => return None,
-            Stage::Checking => State::Checking,
-            Stage::Stopping(_) => State::Stopping,
-            Stage::Feeding | Stage::Draining if self.held => State::Held,
-            Stage::Feeding | Stage::Draining if self.waits_for_xon => State::WaitingForXon,
-            Stage::Feeding | Stage::Draining if self.paused => State::Paused,
-            Stage::Feeding | Stage::Draining => State::Sending,
+            Stage::Checking => Name::Checking,
+            Stage::Stopping => Name::Stopping,
+            Stage::Feeding | Stage::Draining if self.held => Name::Held,
+            Stage::Feeding | Stage::Draining if self.waits_for_xon => Name::WaitingForXon,
+            Stage::Feeding | Stage::Draining if self.paused => Name::Paused,
+            Stage::Feeding | Stage::Draining => Name::Sending,
         };
         Some(state)
     }
@@ -204,7 +207,7 @@ impl Sender {
                 let room = room.min(MOST_WANTED);
                 if self.plain { room } else { room / growth(settings) }
             }
-            Stage::Idle | Stage::Draining | Stage::Stopping(_) => return,
+            Stage::Idle | Stage::Draining | Stage::Stopping => return,
         };
         // Small requests would make many small events.
         if most > self.wanted && (most - self.wanted >= most / 4 || self.wanted == 0) {
@@ -224,7 +227,7 @@ impl Sender {
         match self.stage {
             Stage::Checking => self.check(link, settings, codes, bytes),
             Stage::Feeding => self.feed(link, settings, codes, bytes),
-            Stage::Idle | Stage::Draining | Stage::Stopping(_) => return,
+            Stage::Idle | Stage::Draining | Stage::Stopping => return,
         }
         self.ask(link, settings);
     }
@@ -302,7 +305,7 @@ impl Sender {
                 link.transmit_marked(self.mark, &[]);
                 self.stage = Stage::Draining;
             }
-            Stage::Idle | Stage::Draining | Stage::Stopping(_) => {}
+            Stage::Idle | Stage::Draining | Stage::Stopping => {}
         }
     }
 
@@ -320,18 +323,19 @@ impl Sender {
         match self.stage {
             Stage::Feeding | Stage::Draining => {
                 link.discard();
-                self.stage = Stage::Stopping(failure);
+                self.stage = Stage::Stopping;
+                self.failure = Some(failure);
             }
             Stage::Checking => {
                 link.job_failed(self.job, failure, 0, 0);
                 self.finish(link);
             }
-            Stage::Idle | Stage::Stopping(_) => {}
+            Stage::Idle | Stage::Stopping => {}
         }
     }
 
     pub(crate) fn discarded(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: u32) {
-        let Stage::Stopping(failure) = self.stage else { return };
+        let Some(failure) = self.failure.take() else { return };
         let sent = self.queued.saturating_sub(u64::from(bytes));
         link.job_failed(self.job, failure, 0, sent);
         let last_words = settings.abort_send.as_slice();
@@ -354,55 +358,9 @@ impl Sender {
         self.update_hold(link);
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        let (stage, failure) = match self.stage {
-            Stage::Idle => (0, None),
-            Stage::Checking => (1, None),
-            Stage::Feeding => (2, None),
-            Stage::Draining => (3, None),
-            Stage::Stopping(failure) => (4, Some(failure)),
-        };
-        state.u8(stage);
-        state.failure(failure);
-        state.u32(self.job);
-        state.u32(self.wanted);
-        state.u64(self.queued);
-        self.lines.save(state);
-        state.u32(self.line);
-        state.u32(self.column);
-        state.u32(self.mark);
-        state.bool(self.held);
-        state.bool(self.waits_for_xon);
-        state.bool(self.paused);
-        state.bool(self.holding);
-        state.deadline(self.held_until);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let stage = match (state.u8(), state.failure()) {
-            (0, None) => Stage::Idle,
-            (1, None) => Stage::Checking,
-            (2, None) => Stage::Feeding,
-            (3, None) => Stage::Draining,
-            (4, Some(failure)) => Stage::Stopping(failure),
-            _ => return Err(StateError::DAMAGED),
-        };
-        Ok(Self {
-            stage,
-            job: state.u32(),
-            wanted: state.u32(),
-            queued: state.u64(),
-            lines: Lines::restore(state)?,
-            line: state.u32(),
-            column: state.u32(),
-            mark: state.u32(),
-            held: state.bool(),
-            waits_for_xon: state.bool(),
-            paused: state.bool(),
-            holding: state.bool(),
-            held_until: state.deadline(),
-            ..Self::default()
-        })
+    /// Why a job is stopped is known until it has failed.
+    fn is_sound(&self) -> bool {
+        (self.stage == Stage::Stopping) == self.failure.is_some()
     }
 }
 

@@ -2,7 +2,7 @@
 
 /// What the converter is at.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(crate) enum State {
+pub(crate) enum Name {
     Idle,
     Receiving,
     Stopped,
@@ -14,8 +14,8 @@ pub(crate) enum State {
     Stopping,
 }
 
-impl State {
-    pub(crate) fn name(self) -> &'static str {
+impl Name {
+    pub(crate) fn text(self) -> &'static str {
         match self {
             Self::Idle => "idle",
             Self::Receiving => "receiving",

@@ -5,7 +5,7 @@ use super::{HEADER, LARGEST_DATA, SHORT_HEADER};
 use crate::cause::*;
 use crate::job::Stage;
 use crate::machine::{Machine, NEVER, after};
-use softplug_plugin::{Context, Failure, JobStart};
+use softplug_plugin::{Context, Failure, JobStart, copy};
 
 /// Place of `read` in the manifest's list of jobs.
 const READ: u16 = 2;
@@ -44,9 +44,8 @@ impl Machine {
             return Err(BAD_LENGTH);
         }
         let words = u16::try_from(words).map_err(|_| JOB_TOO_LONG)?;
-        let [high, low] = words.to_be_bytes();
-        self.job.block.set(6, high);
-        self.job.block.set(7, low);
+        let count = self.job.block.as_mut_slice().get_mut(6..8).unwrap_or_default();
+        copy(count, &words.to_be_bytes());
         self.rk512.to_do = size;
         Ok(())
     }
@@ -65,7 +64,7 @@ impl Machine {
     }
 
     pub(crate) fn telegram_data(&mut self) -> Result<(), Cause> {
-        let length = usize::from(self.job.block.len()) - self.piece_start();
+        let length = self.job.block.len() - self.piece_start();
         if self.rk512.to_do == 0 {
             return if length > LARGEST_DATA.into() { Err(BAD_LENGTH) } else { Ok(()) };
         }
@@ -76,7 +75,7 @@ impl Machine {
         if self.rk512.to_do > 0 {
             return Err(BAD_LENGTH);
         }
-        self.set_size(u32::from(self.job.block.len()) - HEADER as u32)?;
+        self.set_size((self.job.block.len() - HEADER) as u32)?;
         self.block_ready()
     }
 
@@ -145,8 +144,8 @@ impl Machine {
             return Ok(());
         }
         // A follow-up repeats command and area.
-        self.job.block.set(0, FOLLOW_UP);
-        self.job.block.truncate(SHORT_HEADER as u16);
+        copy(self.job.block.as_mut_slice(), &[FOLLOW_UP]);
+        self.job.block.truncate(SHORT_HEADER);
         if expected > 0 {
             self.job.stage = Stage::Ready;
         } else {

@@ -4,7 +4,7 @@
 //! A record: index u16, type u8, zero u8, length u16, payload. No field of RK512 is
 //! longer than 128 bytes, and the host has checked what it gives.
 
-use crate::block::Block;
+use softplug_plugin::parts::Block;
 
 // Types of values.
 const INT: u8 = 2;

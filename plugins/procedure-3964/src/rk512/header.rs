@@ -1,7 +1,7 @@
 //! The header of a command: what is to be transferred, from or to where.
 
 use super::fields;
-use softplug_plugin::Values;
+use softplug_plugin::{State, Values};
 
 /// SEND to a data block.
 pub(super) const SEND_DB: u8 = 0x41;
@@ -38,7 +38,7 @@ fn area_type(name: &[u8]) -> Option<u8> {
 
 /// A command without its data, as on the wire: 00, 00, command, type, block,
 /// offset, count (high byte first), flag byte, and CPU and flag bit in a nibble each.
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, Default, State)]
 pub(super) struct Header(pub(super) [u8; 10]);
 
 impl Header {
@@ -140,7 +140,7 @@ pub(crate) fn timeout_at(baud: u32) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use softplug_abi::{Value, ValueWriter};
+    use softplug_plugin::{Value, ValueWriter};
 
     fn header(is_read: bool, fields: &[(u8, Value<'_>)]) -> Option<[u8; 10]> {
         let mut buffer = [0; 256];

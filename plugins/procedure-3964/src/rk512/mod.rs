@@ -8,11 +8,10 @@ mod passive;
 
 pub(crate) use header::timeout_at;
 
-use crate::block::Block;
 use crate::machine::NEVER;
 use header::Header;
-use softplug_abi::wire::copy;
-use softplug_plugin::{Context, Micros, StateError, StateReader, StateWriter};
+use softplug_plugin::parts::Block;
+use softplug_plugin::{Context, Micros, State};
 
 /// Most data bytes of one telegram.
 pub(crate) const LARGEST_DATA: u8 = 128;
@@ -26,7 +25,7 @@ pub(crate) const LARGEST_TELEGRAM: u16 = HEADER as u16 + LARGEST_DATA as u16;
 const LARGEST_REACTION: usize = SHORT_HEADER + LARGEST_DATA as usize;
 
 /// Whose turn it is in a command of several telegrams.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, State)]
 enum Turn {
     /// The partner has our reaction: a follow-up is the next one.
     Acknowledged,
@@ -37,10 +36,8 @@ enum Turn {
     Unsure,
 }
 
-/// What the layer knows. In this order: what stands at the front takes less
-/// code to reach.
-#[derive(Debug)]
-#[repr(C)]
+/// What the layer knows.
+#[derive(Debug, State)]
 pub(crate) struct Rk512 {
     // Active: our job.
     /// Data bytes that are still to be transferred, this telegram's included; 0:
@@ -63,8 +60,8 @@ pub(crate) struct Rk512 {
     last_request: u32,
     /// The last request is to be answered until then; `NEVER`: it was.
     pub(crate) answer_until: Micros,
-    pub(crate) reaction_ready: bool,
     pub(crate) reaction: Block<LARGEST_REACTION>,
+    pub(crate) reaction_ready: bool,
 }
 
 impl Rk512 {
@@ -103,43 +100,5 @@ impl Rk512 {
             self.answer_until = NEVER;
             link.withdraw(self.last_request);
         }
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u32(self.to_do);
-        state.u32(self.reading);
-        state.micros(self.reaction_until);
-        state.bytes(&self.asked.0);
-        state.u32(self.offset);
-        state.u32(self.left);
-        state.u8(self.piece);
-        state.bool(self.is_next);
-        state.u8(self.turn as u8);
-        state.u32(self.last_request);
-        state.micros(self.answer_until);
-        self.reaction.save(state);
-        state.bool(self.reaction_ready);
-    }
-
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        self.to_do = state.u32();
-        self.reading = state.u32();
-        self.reaction_until = state.micros();
-        copy(&mut self.asked.0, state.bytes(HEADER));
-        self.offset = state.u32();
-        self.left = state.u32();
-        self.piece = state.u8();
-        self.is_next = state.bool();
-        self.turn = match state.u8() {
-            0 => Turn::Acknowledged,
-            1 => Turn::Ours,
-            2 => Turn::Unsure,
-            _ => return Err(StateError::DAMAGED),
-        };
-        self.last_request = state.u32();
-        self.answer_until = state.micros();
-        self.reaction.restore(state)?;
-        self.reaction_ready = state.bool();
-        Ok(())
     }
 }

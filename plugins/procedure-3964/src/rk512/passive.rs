@@ -145,9 +145,9 @@ impl Rk512 {
         let error = match answer {
             Ok(data) => {
                 let is_wanted = self.asked.is_read();
-                let fits = !is_wanted || self.reaction.extend(data);
+                let fits = !is_wanted || self.reaction.extend(data) == data.len();
                 let expected = if is_wanted { usize::from(self.piece) } else { 0 };
-                let length = usize::from(self.reaction.len()) - SHORT_HEADER;
+                let length = self.reaction.len() - SHORT_HEADER;
                 if fits && more {
                     return;
                 }

@@ -16,6 +16,9 @@ use softplug_abi::wire::copy;
 /// assert!(!line.push(b'5'));
 /// line.drop_first(3);
 /// assert_eq!((line.as_slice(), line.room()), (b"X10 Z".as_slice(), 3));
+/// line.truncate(3);
+/// line.as_mut_slice()[0] = b'Y';
+/// assert_eq!(line.as_slice(), b"Y10");
 /// ```
 #[derive(Copy, Clone, Debug)]
 pub struct Block<const N: usize> {
@@ -34,6 +37,11 @@ impl<const N: usize> Block<N> {
     /// The bytes that are there.
     pub fn as_slice(&self) -> &[u8] {
         self.bytes.get(..self.len()).unwrap_or_default()
+    }
+
+    /// The bytes that are there, to be changed.
+    pub fn as_mut_slice(&mut self) -> &mut [u8] {
+        self.bytes.get_mut(..usize::from(self.length)).unwrap_or_default()
     }
 
     /// How many there are.
@@ -76,6 +84,11 @@ impl<const N: usize> Block<N> {
         let count = count.min(self.len());
         move_to_front(&mut self.bytes, count, usize::from(self.length));
         self.length -= count as u16;
+    }
+
+    /// Drops what stands behind the first `length` bytes.
+    pub fn truncate(&mut self, length: usize) {
+        self.length = self.len().min(length) as u16;
     }
 
     /// Drops the last byte.

@@ -386,8 +386,8 @@ impl<const DATA: usize> BlockSender<DATA> {
         self.sent = self.sent.saturating_sub(u64::from(bytes));
     }
 
-    /// What belonged to the job alone ends with it.
-    fn forget(&mut self) {
+    /// The job is over without a word here, as one that was only to be checked.
+    pub fn forget(&mut self) {
         let (mark, ahead, unsettled) = (self.mark, self.ahead, self.unsettled);
         *self = Self { mark, ahead, unsettled, ..Self::new() };
     }
