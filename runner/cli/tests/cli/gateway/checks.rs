@@ -19,7 +19,7 @@ fn a_link_is_asked_what_would_not_arrive_of_a_program() {
     let told = ask(&["link", "check", "lathe", "odd.nc"]).with_code(0).out;
     assert!(
         told.starts_with(
-            "odd.nc: 2 of 18 characters do not pass as they are written with xon-xoff"
+            "odd.nc: 2 of 17 characters do not pass as they are written with xon-xoff"
         ),
         "{told}"
     );
