@@ -84,6 +84,7 @@ pub(crate) enum Command {
     Unit(commands::unit::Arguments),
     Link(commands::link::Arguments),
     Job(commands::job::Arguments),
+    Journal(commands::journal::Arguments),
     Cell(commands::cell::Arguments),
     Program(commands::program::Arguments),
     Plugin(commands::plugin::Arguments),

@@ -5,6 +5,7 @@ use alloc::borrow::ToOwned;
 use alloc::collections::BTreeMap;
 use alloc::string::String;
 use alloc::vec::Vec;
+use core::num::NonZeroUsize;
 use softplug_abi::{Action, Failure, Micros, ModemLines, NoteLevel};
 
 /// Something that a plug-in was seen to do.
@@ -119,6 +120,8 @@ pub struct Recorder {
     /// So many bytes of jobs' data are there to be given, the rest comes later;
     /// without it all are.
     pub source_has: Option<usize>,
+    /// At most so many bytes of a job's data are given at once, if it is set.
+    pub source_piece: Option<NonZeroUsize>,
     waiting: u32,
     drained: u32,
     sources: BTreeMap<u32, (Vec<u8>, usize)>,
@@ -235,6 +238,7 @@ impl LinkHost for Recorder {
     fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
         let Some((data, at)) = self.sources.get_mut(&job) else { return Supply::End };
         let most = buffer.len().min(data.len() - *at);
+        let most = self.source_piece.map_or(most, |piece| most.min(piece.get()));
         if most == 0 {
             return Supply::End;
         }

@@ -162,7 +162,8 @@ impl Corpus {
         for (part, folder) in PARTS.into_iter().zip([&REQUIREMENTS, &TRACES, &MUTANTS]) {
             embedded(part, folder, &mut files);
         }
-        Self::build(Path::new(""), &files, true).expect("a test keeps the files that are compiled in")
+        Self::build(Path::new(""), &files, true)
+            .expect("a test keeps the files that are compiled in")
     }
 
     /// A corpus in a folder that has the parts of `fixtures`.

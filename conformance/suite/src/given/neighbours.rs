@@ -10,10 +10,12 @@ use std::sync::Arc;
 const BEFORE: usize = 4;
 
 /// Long use: a case behind itself until it has run so many times, was given so many inputs, or
-/// has moved so many bytes.
+/// has moved so many bytes. The shortest ones go on for longer than 16 bits count.
 const LONG_ROUNDS: u64 = 20_000;
 const LONG_INPUTS: u64 = 150_000;
 const LONG_BYTES: u64 = 6 << 20;
+const SHORT_ROUNDS: u64 = 66_000;
+const SHORT_INPUTS: u64 = 500_000;
 
 /// Tells each case which ones may stand before it: some of those that are run on the
 /// same line with the same settings and leave nothing.
@@ -54,9 +56,13 @@ pub(crate) fn find_long(cases: &mut [Case]) {
         pick(false, inputs(&case.trace));
         pick(true, u64::MAX - bytes(&case.trace));
     }
-    for (_, place) in picked.into_values() {
+    for ((_, is_bulk), (_, place)) in picked {
         let trace = &cases[place].trace;
         let most = LONG_ROUNDS.min(LONG_INPUTS / inputs(trace).max(1));
+        // A case that is both is short.
+        let is_short = !is_bulk && SHORT_ROUNDS * inputs(trace) <= SHORT_INPUTS;
+        let most = if is_short { SHORT_ROUNDS } else { most };
+        let most = most.max(cases[place].long.unwrap_or_default().into());
         cases[place].long = Some(most.min(LONG_BYTES / bytes(trace).max(1)).max(1) as u32);
     }
 }

@@ -100,6 +100,12 @@ impl fmt::Display for Failure {
         for line in &self.before {
             writeln!(f, "    {line}")?;
         }
+        if self.class == Class::DependsOnPast {
+            writeln!(
+                f,
+                "  a case that rightly leaves something for the next says so in its head: leaves: WHAT"
+            )?;
+        }
         write!(f, "  again: {}", self.again)
     }
 }

@@ -111,10 +111,13 @@ pub enum Rooms {
     Large,
     /// What is delivered is put away byte by byte.
     Drips,
+    /// A job's data are given seven bytes at a time, however many are wanted.
+    Sips,
 }
 
 impl Rooms {
-    pub(crate) const ALL: [Self; 4] = [Self::Small, Self::Odd, Self::Large, Self::Drips];
+    pub(crate) const ALL: [Self; 5] =
+        [Self::Small, Self::Odd, Self::Large, Self::Drips, Self::Sips];
 
     const fn name(self) -> &'static str {
         match self {
@@ -122,6 +125,7 @@ impl Rooms {
             Self::Odd => "odd",
             Self::Large => "large",
             Self::Drips => "drips",
+            Self::Sips => "sips",
         }
     }
 
@@ -131,7 +135,7 @@ impl Rooms {
             Self::Small => (Some(64), None),
             Self::Odd => (Some(257), Some(4_099)),
             Self::Large => (Some(65_536), Some(65_536)),
-            Self::Drips => (None, None),
+            Self::Drips | Self::Sips => (None, None),
         }
     }
 }
@@ -191,7 +195,7 @@ impl fmt::Display for Permutation {
 #[error(
     "there is no permutation \"{0}\"; there are uncut, late, late:N, cut:1, cut:whole, \
      cut:random-NN, twice, swap:all, swap:N, later:CLOCK and idle:CLOCK (2^31us, 2^32us, 31d, 10y), \
-     rooms:small, rooms:odd, rooms:large, rooms:drips, after:ID, again:N, byte:HH and A+B"
+     rooms:small, rooms:odd, rooms:large, rooms:drips, rooms:sips, after:ID, again:N, byte:HH and A+B"
 )]
 pub struct UnknownPermutation(String);
 

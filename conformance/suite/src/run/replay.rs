@@ -14,10 +14,14 @@ use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Instance, Micros, ModemLines};
 use softplug_link::{Job, LinkFault, LinkOptions, Observed, Recorder, VirtualLine};
 use softplug_trace::Drain;
+use std::num::NonZeroUsize;
 use std::rc::Rc;
 
 /// Room in bytes where the trace names none.
 const ROOM: u32 = 4_096;
+
+/// Bytes of a job's data at a time where they are given in sips.
+const SIP: Option<NonZeroUsize> = NonZeroUsize::new(7);
 
 /// Between two cases on one link.
 const REST: Micros = Micros::from_secs(1);
@@ -174,6 +178,7 @@ impl<'a, S: Subject> Run<'a, S> {
         let modem = options.modem_lines.unwrap_or_default();
         let mut recorder = Recorder::default();
         recorder.drain_by_hand = way.rooms == Some(Rooms::Drips);
+        recorder.source_piece = SIP.filter(|_| way.rooms == Some(Rooms::Sips));
         Ok(Self {
             subject,
             timeline,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::remote::Remote;
+use super::remote::{Remote, Within};
 use crate::line::{Assignment, field};
 
 /// Orders jobs of a running gateway, and steers them.
@@ -20,7 +20,8 @@ pub(crate) struct Arguments {
 pub(crate) enum Verb {
     #[command(after_help = "Examples:
   softplug job list
-  softplug job list --link lathe-1 --state failed --limit 10")]
+  softplug job list --link lathe-1 --state failed --limit 10
+  softplug job list --find O1234 --since 8h")]
     List(List),
     /// Shows all that is known of a job
     #[command(after_help = "Example:
@@ -68,6 +69,14 @@ pub(crate) struct List {
     /// In this state only: queued, running, paused, done, failed, aborted or interrupted
     #[arg(long, value_name = "STATE")]
     pub(crate) state: Option<String>,
+    /// Of this kind only, such as send or receive
+    #[arg(long, value_name = "KIND")]
+    pub(crate) kind: Option<String>,
+    /// Only jobs whose program has this in its name
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) find: Option<String>,
+    #[command(flatten)]
+    pub(crate) within: Within,
     /// At most so many
     #[arg(long, value_name = "N", default_value_t = 50)]
     pub(crate) limit: u32,

@@ -17,6 +17,7 @@ pub(crate) mod explore;
 pub(crate) mod gateway;
 pub(crate) mod inspect;
 pub(crate) mod job;
+pub(crate) mod journal;
 pub(crate) mod link;
 pub(crate) mod machine;
 pub(crate) mod man;
@@ -78,6 +79,7 @@ pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<
         Command::Cell(arguments) => live::cell(&arguments, screen),
         Command::Link(arguments) => live::link(&arguments, screen),
         Command::Job(arguments) => live::job(&arguments, screen),
+        Command::Journal(arguments) => live::journal(&arguments, screen),
         Command::Program(arguments) => live::program(&arguments, screen),
         Command::Plugin(arguments) => live::plugin(&arguments, screen),
         Command::Completions(arguments) => Ok(completions::run(&arguments)),

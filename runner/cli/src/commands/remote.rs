@@ -1,8 +1,10 @@
 //! What every verb that speaks with a gateway takes.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Args;
+use softplug_gateway::quantity;
 
 /// Where the gateway is, and who we are.
 #[derive(Clone, Debug, Args)]
@@ -17,4 +19,15 @@ pub(crate) struct Remote {
     /// Certificate (PEM) of the authority that signed the gateway's
     #[arg(long, global = true, value_name = "FILE")]
     pub(crate) ca: Option<PathBuf>,
+}
+
+/// From when to when.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct Within {
+    /// Of the last so much time, such as 8h or 7d
+    #[arg(long, value_name = "SPAN", value_parser = quantity::span)]
+    pub(crate) since: Option<Duration>,
+    /// From before the last so much time
+    #[arg(long, value_name = "SPAN", value_parser = quantity::span)]
+    pub(crate) until: Option<Duration>,
 }

@@ -8,7 +8,9 @@ use softplug_plan::Measured;
 use crate::arguments::Global;
 use crate::commands::plan_cell::CellArguments;
 use crate::commands::remote::Remote;
-use crate::commands::{cell, demo, dev, doctor, gateway, job, link, plugin, program, unit};
+use crate::commands::{
+    cell, demo, dev, doctor, gateway, job, journal, link, plugin, program, unit,
+};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
@@ -48,6 +50,10 @@ pub(crate) fn link(_: &link::Arguments, _: &Screen) -> Result<Exit, Failure> {
 }
 
 pub(crate) fn job(_: &job::Arguments, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("speaking with a gateway"))
+}
+
+pub(crate) fn journal(_: &journal::Arguments, _: &Screen) -> Result<Exit, Failure> {
     Err(nowhere("speaking with a gateway"))
 }
 

@@ -36,7 +36,8 @@ pub(crate) use dev::dev;
 pub(crate) use doctor::doctor;
 #[cfg(not(target_os = "linux"))]
 pub(crate) use elsewhere::{
-    cell, demo, dev, doctor, gateway, job, link, measured, plan_cell, plugin, program, unit,
+    cell, demo, dev, doctor, gateway, job, journal, link, measured, plan_cell, plugin, program,
+    unit,
 };
 #[cfg(target_os = "linux")]
 pub(crate) use gateway::gateway;
@@ -48,7 +49,7 @@ pub(crate) use ports::ports;
 pub(crate) use receive::receive;
 pub(crate) use record::record;
 #[cfg(target_os = "linux")]
-pub(crate) use remote::{cell, job, link, measured, program};
+pub(crate) use remote::{cell, job, journal, link, measured, program};
 pub(crate) use send::send;
 pub(crate) use serve::serve;
 pub(crate) use simulate::simulate;

@@ -46,6 +46,7 @@ const RUNS: &[(&str, i32)] = &[
     ("unit list 127.0.0.1:1 --json", 6),
     ("link list --gateway http://127.0.0.1:1 --json", 6),
     ("job list --gateway http://127.0.0.1:1 --json", 6),
+    ("journal --gateway http://127.0.0.1:1 --json", 6),
     ("cell list --gateway http://127.0.0.1:1 --json", 6),
     ("program list --gateway http://127.0.0.1:1 --json", 6),
     ("plugin list --json", 2),

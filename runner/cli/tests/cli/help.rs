@@ -53,6 +53,7 @@ const VERBS: &[&[&str]] = &[
     &["unit", "flash"],
     &["unit", "sign"],
     &["unit", "key"],
+    &["journal"],
     &["cell"],
     &["cell", "list"],
     &["cell", "show"],

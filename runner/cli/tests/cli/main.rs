@@ -40,6 +40,10 @@ mod refusals;
 mod remote;
 mod replay;
 #[cfg(target_os = "linux")]
+mod simulation;
+#[cfg(target_os = "linux")]
+mod simulations;
+#[cfg(target_os = "linux")]
 mod step;
 #[cfg(target_os = "linux")]
 mod transfers;

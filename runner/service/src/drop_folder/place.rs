@@ -301,7 +301,12 @@ pub(super) fn write_new(folder: &OwnedFd, name: &OsStr, text: &str) -> io::Resul
 }
 
 /// Never overwrites. Some shares have no such rename: there it is looked first.
-pub(super) fn rename_to_new(from: &OwnedFd, name: &OsStr, to: &OwnedFd, new: &OsStr) -> Result<(), Errno> {
+pub(super) fn rename_to_new(
+    from: &OwnedFd,
+    name: &OsStr,
+    to: &OwnedFd,
+    new: &OsStr,
+) -> Result<(), Errno> {
     match renameat_with(from, name, to, new, RenameFlags::NOREPLACE) {
         Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
             if statat(to, new, AtFlags::SYMLINK_NOFOLLOW).is_ok() {

@@ -5,9 +5,8 @@ use std::fmt::Write as _;
 use softplug_gateway::plain_text;
 
 use super::shelf::Shelf;
-use crate::gateway::evidence::day;
 use crate::jobs::{Claimed, Job, State, grouped};
-use crate::view::TimeMs;
+use crate::view::utc;
 
 const COPY: &str = "Copy under another name, and rename the file when it is whole.";
 
@@ -40,10 +39,10 @@ pub(super) fn of_job(job: &Job, claimed: Claimed, now: Now) -> (Shelf, String) {
             if how.is_empty() { "nothing has left".to_owned() } else { how },
         )
     };
-    let _ = write!(text, "It was given at {}", time(job.created));
+    let _ = write!(text, "It was given at {}", utc(job.created));
     for (what, at) in [("began", job.began), ("ended", job.ended)] {
         if let Some(at) = at {
-            let _ = write!(text, ", {what} at {}", time(at));
+            let _ = write!(text, ", {what} at {}", utc(at));
         }
     }
     text.push_str(".\n");
@@ -91,22 +90,9 @@ pub(super) fn of_refused(why: &str) -> String {
     )
 }
 
-/// As `2026-11-27 21:05:12 UTC`.
-fn time(at: TimeMs) -> String {
-    let seconds = at / 1_000;
-    let (hours, minutes) = (seconds / 3_600 % 24, seconds / 60 % 60);
-    format!("{} {hours:02}:{minutes:02}:{:02} UTC", day(at), seconds % 60)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn times_are_those_of_the_clock() {
-        assert_eq!(time(1_795_813_512_345), "2026-11-27 21:05:12 UTC");
-        assert_eq!(time(0), "1970-01-01 00:00:00 UTC");
-    }
 
     #[test]
     fn a_refusal_says_what_to_do() {

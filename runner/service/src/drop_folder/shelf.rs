@@ -149,4 +149,3 @@ fn has_text(folder: &OwnedFd, name: &OsStr, text: &str) -> bool {
     let most = text.len() as u64 + 1;
     file.take(most).read_to_end(&mut found).is_ok() && found == text.as_bytes()
 }
-

@@ -270,7 +270,8 @@ impl<Q: Queue> Watch<Q> {
         if let Some(name) = file {
             return place.put_away(claim, shelf, &name, &tag, &text).map(drop);
         }
-        let name = job.and_then(|job| job.spec.program.as_deref()).unwrap_or("file").replace('/', "_");
+        let name =
+            job.and_then(|job| job.spec.program.as_deref()).unwrap_or("file").replace('/', "_");
         let result = place.put_result(claim, shelf, OsStr::new(&name), &tag, &text)?;
         self.queue.tell(
             Weight::Warning,

@@ -15,6 +15,7 @@ mod link;
 mod plugin;
 mod program;
 mod swap;
+mod time;
 
 pub use bus::{BusMeasuredView, BusUnitView, BusView, UnitSlotView};
 pub use cell::{
@@ -36,14 +37,4 @@ pub use link::{
 pub use plugin::{FieldView, PluginRef, PluginView, SettingView};
 pub use program::{Compared, ProgramView, ReceptionView};
 pub use swap::{ProbationOrder, ProbationView, SwapOrder, SwapState, SwapView, SwapWhen};
-
-use std::time::{SystemTime, UNIX_EPOCH};
-
-/// A time of day, in milliseconds since 1970 (UTC).
-pub type TimeMs = u64;
-
-/// Now.
-pub fn now_ms() -> TimeMs {
-    // A clock before 1970 is one that was never set.
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |span| span.as_millis() as u64)
-}
+pub use time::{TimeMs, day, now_ms, utc};

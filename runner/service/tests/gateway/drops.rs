@@ -289,7 +289,8 @@ fn a_file_that_is_removed_or_rewritten_while_it_is_a_job_is_told_of_with_the_res
         fs::write(shop.path(&format!("in/{name}")), "G1 X1\n").unwrap();
     }
     wait_for("the jobs", || jobs(&shop).len() == 2);
-    let claims = names(&shop.path("in/work")).into_iter().map(|name| String::from_utf8(name).unwrap());
+    let claims =
+        names(&shop.path("in/work")).into_iter().map(|name| String::from_utf8(name).unwrap());
     for claim in claims.filter(|name| name != ".owner") {
         let file = |name| shop.path(&format!("in/work/{claim}/{name}"));
         if file(both[0]).exists() {

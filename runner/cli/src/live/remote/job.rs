@@ -1,6 +1,5 @@
 //! `softplug job …`
 
-use std::fmt::Write as _;
 use std::fs::File;
 use std::io;
 use std::thread::sleep;
@@ -11,7 +10,7 @@ use softplug_gateway::plain_text;
 use softplug_service::view::{JobOrder, JobState, JobView};
 use ureq::SendBody;
 
-use super::{Client, pairs, segment, show};
+use super::{Client, pairs, query, segment, show, times};
 use crate::commands::job::{Arguments, Feed, List, Submit, Verb};
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -71,12 +70,18 @@ pub(crate) fn job(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
 }
 
 fn list(client: &Client, of: &List, screen: &Screen) -> Result<Exit, Failure> {
-    let mut path = format!("/jobs?limit={}", of.limit);
-    for (name, value) in [("link", &of.link), ("state", &of.state)] {
-        if let Some(value) = value {
-            let _ = write!(path, "&{name}={}", segment(value));
-        }
-    }
+    let [since, until] = times(&of.within);
+    let path = query(
+        &format!("/jobs?limit={}", of.limit),
+        [
+            ("link", of.link.as_deref()),
+            ("state", of.state.as_deref()),
+            ("kind", of.kind.as_deref()),
+            ("find", of.find.as_deref()),
+            ("since_ms", since.as_deref()),
+            ("until_ms", until.as_deref()),
+        ],
+    );
     let jobs: Vec<JobView> = client.get(&path)?;
     let mut table = Table::new(["job", "link", "program", "state", "left", "message"]);
     for job in &jobs {
@@ -110,12 +115,10 @@ fn feed(client: &Client, of: &Feed) -> Result<JobView, Failure> {
     let name = of.file.file_name().and_then(|name| name.to_str()).map(str::to_owned);
     let program = of.program.clone().or(name.filter(|_| !is_input));
     let fields = serde_json::to_string(&pairs(&of.fields)).map_err(Failure::internal)?;
-    let mut path = format!("/links/{}/feed?fields={}", segment(&of.link), segment(&fields));
-    for (name, value) in [("program", &program), ("kind", &of.kind)] {
-        if let Some(value) = value {
-            let _ = write!(path, "&{name}={}", segment(value));
-        }
-    }
+    let path = query(
+        &format!("/links/{}/feed?fields={}", segment(&of.link), segment(&fields)),
+        [("program", program.as_deref()), ("kind", of.kind.as_deref())],
+    );
     if is_input {
         return client.send("POST", &path, SendBody::from_owned_reader(io::stdin()));
     }

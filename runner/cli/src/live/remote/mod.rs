@@ -2,6 +2,7 @@
 
 mod cell;
 mod job;
+mod journal;
 mod link;
 mod measured;
 mod program;
@@ -9,6 +10,7 @@ mod show;
 
 pub(crate) use cell::cell;
 pub(crate) use job::job;
+pub(crate) use journal::journal;
 pub(crate) use link::link;
 pub(super) use link::swap_in;
 pub(crate) use measured::measured;
@@ -24,11 +26,12 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use softplug_gateway::plain_text;
 use softplug_service::http::Problem;
+use softplug_service::view::now_ms;
 use ureq::http::{Request, Response, StatusCode};
 use ureq::tls::{Certificate, RootCerts, TlsConfig};
 use ureq::{Agent, AsSendBody, Body};
 
-use crate::commands::remote::Remote;
+use crate::commands::remote::{Remote, Within};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::{self, Partial};
@@ -258,6 +261,26 @@ fn exit_of(status: StatusCode) -> Exit {
 /// Names with their values, as orders hold them.
 fn pairs(assignments: &[Assignment]) -> BTreeMap<String, String> {
     assignments.iter().map(|of| (of.name.clone(), of.value.clone())).collect()
+}
+
+/// A path with what was asked for behind it.
+fn query<'a>(
+    path: &str,
+    asked: impl IntoIterator<Item = (&'static str, Option<&'a str>)>,
+) -> String {
+    let mut text = path.to_owned();
+    for (name, value) in asked {
+        if let Some(value) = value {
+            let _ = write!(text, "&{name}={}", segment(value));
+        }
+    }
+    text
+}
+
+/// From when to when, in milliseconds since 1970.
+fn times(within: &Within) -> [Option<String>; 2] {
+    let before = |span: Duration| now_ms().saturating_sub(span.as_millis() as u64).to_string();
+    [within.since, within.until].map(|span| span.map(before))
 }
 
 /// One segment of a path, or a value of a query.

@@ -203,6 +203,24 @@ fn a_gateway_that_is_killed_knows_what_was_under_way() {
     let shown = gateway.ask(&bench, &token, &["link", "show", "lathe"]).with_code(0).out;
     assert!(shown.contains(&format!("last 1: O1.nc interrupted, {text}")), "{text}\n{shown}");
     assert!(!shown.contains("trouble"), "{shown}");
+    // Jobs and journal, by what they are about and when.
+    let listed = |words: &[&str]| gateway.ask(&bench, &token, words).with_code(0).json();
+    let count = |words: &[&str]| listed(words).as_array().unwrap().len();
+    assert_eq!(
+        count(&["job", "list", "--find", "o1.N", "--kind", "send", "--since", "1h", "--json"]),
+        1
+    );
+    assert_eq!(count(&["job", "list", "--find", "O2", "--json"]), 0);
+    assert_eq!(count(&["job", "list", "--until", "1h", "--json"]), 0);
+    let journal = listed(&["journal", "--job", "1", "--kind", "job", "--link", "lathe", "--json"]);
+    let entries = journal.as_array().unwrap();
+    assert!(entries.len() > 1 && entries.is_sorted_by_key(|of| of["number"].as_u64()), "{journal}");
+    assert!(entries.iter().all(|of| of["job"] == 1 && of["kind"] == "job"), "{journal}");
+    assert_eq!(count(&["journal", "--until", "1d", "--json"]), 0);
+    let told = gateway.ask(&bench, &token, &["journal", "--find", "INTERRUPTED"]).with_code(0).out;
+    assert!(told.contains("UTC  lathe  1"), "{told}");
+    let odd = gateway.ask(&bench, &token, &["journal", "--kind", "jobs"]);
+    assert!(odd.code != 0 && odd.err.contains("jobs"), "{odd}");
     // Nothing is sent again unasked, also by the command that takes its place.
     gateway.signal(Signal::USR2);
     gateway.address = ready(&mut gateway.out);

@@ -1,0 +1,34 @@
+//! `softplug journal`: what happened, in a running gateway.
+
+use clap::Args;
+
+use super::remote::{Remote, Within};
+
+/// Lists what happened in a running gateway, the newest last
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug journal
+  softplug journal --link lathe-1 --kind alarm --since 8h
+  softplug journal --job 42")]
+pub(crate) struct Arguments {
+    /// Of this link only
+    #[arg(long, value_name = "LINK")]
+    pub(crate) link: Option<String>,
+    /// Of this kind only: gateway, port, job, cell, reception, request, swap, fault, alarm, library
+    /// or note
+    #[arg(long, value_name = "KIND")]
+    pub(crate) kind: Option<String>,
+    /// Of this job only
+    #[arg(long, value_name = "NUMBER")]
+    pub(crate) job: Option<u32>,
+    /// Only what has this in its text or its link's name
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) find: Option<String>,
+    #[command(flatten)]
+    pub(crate) within: Within,
+    /// At most so many
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    pub(crate) limit: u32,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}
