@@ -21,12 +21,8 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    /// The corpus that was named, else the one in the command.
-    pub(crate) fn load(&self) -> Result<Corpus, Failure> {
-        self.read_by(Corpus::read)
-    }
-
-    /// As [`load`](Self::load), for what writes cases: there may be none yet.
+    /// The corpus that was named, else the one in the command; for what writes cases: there may be
+    /// none yet.
     pub(crate) fn load_begun(&self) -> Result<Corpus, Failure> {
         self.read_by(Corpus::begun)
     }

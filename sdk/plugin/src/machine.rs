@@ -343,6 +343,7 @@ fn heard_by_parts<'a>(link: &mut Context<'_>, event: &Event<'a>) -> Option<PartE
         Event::JobEnd { .. } => PartEvent::JobEnd,
         Event::Pause { .. } => PartEvent::Paused(true),
         Event::Resume { .. } => PartEvent::Paused(false),
+        Event::LinkDown(_) => PartEvent::LinkDown,
         _ => return None,
     })
 }

@@ -5,7 +5,8 @@ use softplug_link::Observed;
 use softplug_plugin::bench::Bench;
 use softplug_plugin::parts::{Answers, Block, BlockSender, Part, PartEvent};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineParameters, Micros, State, state_format,
+    Context, Converter, Failure, JobStart, LineParameters, LinkDownReason, Micros, State,
+    state_format,
 };
 
 const DLE: u8 = 0x10;
@@ -161,7 +162,7 @@ proptest! {
             .filter(|at| line[*at..*at + 2] == [DLE, ACK])
             .collect();
         let first = symbols.first().copied();
-        prop_assert!(first.is_some_and(|at| at <= before + depth + 64 + 1), "{first:?} {before}");
+        prop_assert!(first.is_some_and(|at| at <= before + depth + 48 + 1), "{first:?} {before}");
     }
 
     #[test]
@@ -184,6 +185,50 @@ proptest! {
         let end = job_end(&bench);
         let aborted = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent };
         prop_assert!(end == Some(aborted) || end == Some(Observed::Done { job: 1, sent }), "{end:?} {sent}");
+    }
+
+    #[test]
+    fn a_cable_that_is_pulled_ends_what_is_cut_and_nothing_of_it_leaves_later(
+        data in bytes(),
+        pause in 1..100_i64,
+        wait in 0..20_i64,
+    ) {
+        let mut bench = bench(9_600, 16, 128);
+        bench.send(&data);
+        bench.run_for_millis(pause);
+        bench.host(|link, now, host| link.abort(now, 1, host));
+        bench.run_for_millis(wait);
+        bench.host(|link, now, host| link.link_down(now, LinkDownReason::Unplugged, host));
+        bench.run_for_millis(100);
+        let end = job_end(&bench);
+        bench.host(|link, now, host| link.link_up(now, host));
+        bench.run_for_millis(2_000);
+        // What the port had leaves, and was counted.
+        let sent = bench.sent().len() as u64;
+        let aborted = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent };
+        prop_assert!(end == Some(aborted) || end == Some(Observed::Done { job: 1, sent }), "{end:?} {sent}");
+    }
+
+    #[test]
+    fn frames_and_answers_are_the_same_in_every_room(
+        data in bytes(),
+        pauses in proptest::collection::vec(1..60_i64, 0..10),
+        abort in 0..300_i64,
+        room in 64..300_u32,
+    ) {
+        let seen = [room, 4_096].map(|room| {
+            let mut bench = bench(9_600, 8, room);
+            bench.send(&data);
+            for pause in &pauses {
+                bench.run_for_millis(*pause);
+                bench.receive(&[ENQ; 3]);
+            }
+            bench.run_for_millis(abort);
+            bench.host(|link, now, host| link.abort(now, 1, host));
+            bench.run_for_millis(2_000);
+            bench.observed().to_vec()
+        });
+        prop_assert_eq!(&seen[0], &seen[1]);
     }
 
     #[test]

@@ -138,7 +138,9 @@ pub enum Finding {
         feature: String,
     },
     /// A setting that no case uses.
-    #[error("profile {profile}: no case uses the setting \"{setting}\"; drop it")]
+    #[error(
+        "profile {profile}: no case uses the setting \"{setting}\"; write one that does, or drop it"
+    )]
     IdleSetting {
         /// The profile.
         profile: String,

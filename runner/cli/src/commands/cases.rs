@@ -135,7 +135,7 @@ fn lint(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
         Some(_) | None => Vec::new(),
     };
     let corpus = match folder {
-        Some(folder) => Corpus::read(folder).map_err(Failure::usage)?,
+        Some(folder) => Corpus::begun(folder).map_err(Failure::usage)?,
         None => Corpus::embedded(),
     };
     let findings = lint::lint(&corpus.ledgers, &corpus);

@@ -22,7 +22,7 @@ pub(crate) fn alone() -> MutexGuard<'static, ()> {
 
 /// `softplug simulate`, started.
 pub(crate) struct Simulation {
-    child: Child,
+    pub(crate) child: Child,
     out: BufReader<ChildStdout>,
     pub(crate) port: String,
 }

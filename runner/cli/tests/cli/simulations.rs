@@ -1,5 +1,6 @@
 //! Simulated machines, and scripts that play a partner, with the command at the other end.
 
+use std::io::Read as _;
 use std::time::Duration;
 
 use crate::bench::{Bench, program};

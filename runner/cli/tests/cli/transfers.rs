@@ -1,8 +1,8 @@
 //! Transfers over ptys, in real time: against the simulated control, and
 //! against a master in this process.
 
+use std::io::Read as _;
 use std::process::{Command, Stdio};
-use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;

@@ -92,6 +92,8 @@ pub enum PartEvent<'a> {
     JobEnd,
     /// The job pauses, or goes on.
     Paused(bool),
+    /// The port or the connection is gone.
+    LinkDown,
 }
 
 /// Moves what stands behind the first `count` of `length` bytes to the front. Without the texts of panics

@@ -8,8 +8,9 @@ pub const OWN_MARKS: u32 = 0x8000_0000;
 
 /// Most bytes given to the link at a time.
 const PIECE: usize = 64;
-/// Most bytes of a frame that stand before an answer, in two pieces.
-const SHORT_PIECE: usize = 32;
+/// Most bytes of a frame in each of the two pieces that stand before an answer. The smallest queue, of 64 bytes,
+/// has room for both and for some answers: so a frame is cut into the same pieces in each.
+const SHORT_PIECE: usize = 24;
 /// Pieces of a frame with the link.
 const AHEAD: u8 = 2;
 /// Most marks that are not settled: a link takes 64 of all kinds.
@@ -243,8 +244,8 @@ impl<const DATA: usize> BlockSender<DATA> {
     }
 
     /// Gives the link a frame of `length` bytes, at most 65,535, in short pieces that end between two
-    /// symbols: `symbol` tells how many bytes from a place on must stay together, 1 to 32. An answer that is
-    /// [said](super::Answers::say) meanwhile stands between two symbols, behind at most two pieces, 64 bytes.
+    /// symbols: `symbol` tells how many bytes from a place on must stay together, 1 to 24. An answer that is
+    /// [said](super::Answers::say) meanwhile stands between two symbols, behind at most two pieces, 48 bytes.
     /// Whether that was the last of it.
     ///
     /// Not while answers [wait](super::Answers::owes_nothing).
@@ -260,7 +261,7 @@ impl<const DATA: usize> BlockSender<DATA> {
                 return false;
             }
             let begin = usize::from(self.given);
-            let most = SHORT_PIECE.min(link.transmit_room() as usize).min(length - begin);
+            let most = SHORT_PIECE.min(length - begin);
             let mut count = 0;
             while count < most {
                 let whole = symbol(begin + count).clamp(1, SHORT_PIECE).min(length - begin - count);
@@ -269,7 +270,7 @@ impl<const DATA: usize> BlockSender<DATA> {
                 }
                 count += whole;
             }
-            if count == 0 {
+            if count > link.transmit_room() as usize {
                 return false;
             }
             let mut piece = [0; PIECE];
@@ -329,22 +330,32 @@ impl<const DATA: usize> BlockSender<DATA> {
         self.repeats
     }
 
-    /// Drops what waits in the queue. The job fails when it is known how much that was. Answers that wait in the
-    /// queue are dropped too, and a frame may end anywhere: where that matters, [`cut`](Self::cut).
+    /// Drops what waits in the queue, also of a job that is [cut](Self::cut). The job fails when it is known how much
+    /// that was. Answers that wait in the queue are dropped too, and a frame may end anywhere: where that matters,
+    /// `cut`.
     pub fn stop(&mut self, link: &mut Context<'_>, failure: Failure) {
         if self.is_active() {
             link.discard();
             self.stopping = Some(failure);
+        } else {
+            self.drop_cut(link);
         }
     }
 
     /// Gives nothing more. What the link has of a frame that was [given in symbols](Self::give_symbols) leaves, and so do
-    /// answers; the frame ends between two symbols. The job fails when all has left.
+    /// answers; the frame ends between two symbols. The job fails when all has left, or the link goes down.
     pub fn cut(&mut self, link: &mut Context<'_>, failure: Failure) {
         if self.is_active() {
             self.stopping = Some(failure);
             self.is_cut = true;
             self.settle(link);
+        }
+    }
+
+    /// What is cut need not leave any more.
+    fn drop_cut(&mut self, link: &mut Context<'_>) {
+        if core::mem::take(&mut self.is_cut) {
+            link.discard();
         }
     }
 
@@ -429,6 +440,7 @@ impl<const DATA: usize> Part for BlockSender<DATA> {
                 self.wanted = 0;
             }
             PartEvent::Paused(is_paused) => self.is_paused = is_paused,
+            PartEvent::LinkDown => self.drop_cut(link),
             _ => {}
         }
     }

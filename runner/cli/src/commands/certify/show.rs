@@ -3,7 +3,8 @@
 use std::fmt::Write as _;
 
 use softplug_report::{
-    Coverage, Executed, Explored, Noticed, Place, Report, Score, Shown, VerdictKind, explain,
+    CaseKind, Coverage, Executed, Explored, Noticed, Place, Report, Score, Shown, VerdictKind,
+    explain,
 };
 
 use super::files::{Folder, REPORT, failure_file};
@@ -74,6 +75,10 @@ pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, scr
         }
     }
     row("cases", format!("{cases}; {}", things(u64::from(counts.runs), "run")));
+    let has_model = report.cases.iter().any(|case| case.kind == CaseKind::Random);
+    if !has_model && profile.name != "abi" {
+        row("random", "no sessions: the profile has no model".to_owned());
+    }
     let fuel = &report.fuel;
     if fuel.bytes > 0 {
         let (whole, tenth) = (fuel.tenths_per_byte / 10, fuel.tenths_per_byte % 10);

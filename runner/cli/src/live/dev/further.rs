@@ -1,6 +1,7 @@
 //! What is looked at once the traces hold: the ABI's own cases, what of the code no case executes,
 //! and five seconds of exploring. The next save breaks it off.
 
+use std::error::Error;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -59,10 +60,17 @@ pub(super) fn look(built: &Built, root: &Path, broken_off: &AtomicBool, screen: 
     let manifest = built.plugin.manifest();
     let claimed = manifest.profiles.iter().map(|profile| profile.name.as_str());
     for profile in std::iter::once(ABI).chain(claimed.clone().filter(|name| *name != ABI)) {
-        let Some(report) = judged(built, root, profile, broken_off) else { continue };
+        let judged = judged(built, root, profile, broken_off);
         if broken_off.load(Ordering::Relaxed) {
             return;
         }
+        let report = match judged {
+            Ok(report) => report,
+            Err(error) => {
+                screen.note(format_args!("{profile} is not judged: {error}"));
+                continue;
+            }
+        };
         show(profile, &report, screen);
         document.verdicts.push(Judged {
             profile: profile.to_owned(),
@@ -81,12 +89,17 @@ pub(super) fn look(built: &Built, root: &Path, broken_off: &AtomicBool, screen: 
     screen.json_line(&document);
 }
 
-/// The verdict by a profile of the project or of this command; none where neither has it.
-fn judged(built: &Built, root: &Path, profile: &str, broken_off: &AtomicBool) -> Option<Report> {
+/// The verdict by a profile of the project, or of this command.
+fn judged(
+    built: &Built,
+    root: &Path,
+    profile: &str,
+    broken_off: &AtomicBool,
+) -> Result<Report, Box<dyn Error>> {
     let own = root.join(REQUIREMENTS).join(format!("{profile}.toml")).is_file();
-    let corpus = if own { Corpus::read(root).ok()? } else { Corpus::embedded() };
+    let corpus = if own { Corpus::read(root)? } else { Corpus::embedded() };
     let options = CertifyOptions::new(profile);
-    certify(&built.module, &corpus, &options, &|_| {}, broken_off).ok()
+    Ok(certify(&built.module, &corpus, &options, &|_| {}, broken_off)?)
 }
 
 fn show(profile: &str, report: &Report, screen: &Screen) {
