@@ -62,6 +62,7 @@ impl Converter for XonXoff {
         }
     }
 
+    #[inline]
     fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
         self.receiver.timers.hear(link, event);
     }
@@ -186,6 +187,7 @@ impl Converter for XonXoff {
         self.sender.forget_hold(link);
     }
 
+    #[inline]
     fn after(&mut self, link: &mut Context<'_>) {
         let name = self.sender.state().unwrap_or_else(|| self.receiver.state());
         if self.named != Some(name) {
