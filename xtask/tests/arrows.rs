@@ -45,6 +45,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-explore", &["softplug-abi", "softplug-host", "softplug-link", "softplug-models"]),
     ("softplug-mutant", &[]),
     ("softplug-trace", &[]),
+    ("softplug-trial", &["softplug-abi", "softplug-link", "softplug-machines"]),
     (
         "softplug-conformance",
         &[
@@ -57,6 +58,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-models",
             "softplug-report",
             "softplug-trace",
+            "softplug-trial",
         ],
     ),
     ("softplug-report", &[]),
@@ -79,10 +81,10 @@ const ARROWS: &[(&str, &[&str])] = &[
         "softplug-shop",
         &[
             "softplug-abi",
-            "softplug-conformance",
             "softplug-link",
             "softplug-machines",
             "softplug-plan",
+            "softplug-trial",
             "softplug-unit-bus",
         ],
     ),
@@ -97,6 +99,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-link",
             "softplug-machines",
             "softplug-trace",
+            "softplug-trial",
         ],
     ),
     (
@@ -120,6 +123,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-service",
             "softplug-shop",
             "softplug-trace",
+            "softplug-trial",
             "softplug-unit",
             "softplug-unit-protocol",
             "softplug-unit-slots",

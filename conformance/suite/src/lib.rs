@@ -59,7 +59,6 @@ pub use judge::verdict::{Failure, Verdict};
 pub use module::executed::{MeasureError, Places};
 pub use random::{FailedSession, GroupRun, SessionGroup, Sessions};
 pub use run::class::Class;
-pub use run::closed_loop;
 pub use run::effect::{Delivered, Effect};
 pub use run::fault::{Fault, FaultClass};
 pub use run::outcome::{Outcome, Seen};

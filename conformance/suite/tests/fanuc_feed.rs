@@ -6,13 +6,13 @@ mod fanuc;
 use fanuc::resolve;
 use sha2::{Digest, Sha256};
 use softplug_abi::{Action, Failure, Micros};
-use softplug_conformance::closed_loop::ClosedLoop;
 use softplug_link::{Job, LinkHost, LinkOptions, Supply};
 use softplug_machines::fanuc::{
     Control, FeedHold, Feeding, Options, Press, Report, seven_even_two,
 };
 use softplug_machines::kept::{Keep, Received};
 use softplug_native::NativePlugin;
+use softplug_trial::ClosedLoop;
 use std::fmt::Write;
 use std::time::Instant;
 

@@ -2,10 +2,10 @@
 
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, LineParameters, Micros};
-use softplug_conformance::closed_loop::ClosedLoop;
 use softplug_link::{Job, LinkHost, LinkOptions, Supply};
 use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
 use softplug_native::NativePlugin;
+use softplug_trial::ClosedLoop;
 
 /// Supplies a program and keeps how its job ended.
 struct Host<'a> {

@@ -3,10 +3,10 @@
 
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Failure, LineParameters, Micros};
-use softplug_conformance::closed_loop::ClosedLoop;
 use softplug_link::{Job, LinkHost, LinkOptions, Supply};
 use softplug_machines::pulse_lathe::{Lathe, LatheOptions};
 use softplug_native::{NativeInstance, NativePlugin};
+use softplug_trial::ClosedLoop;
 
 const LATHES: usize = 1_000;
 /// 8N1: a character takes 250 µs.

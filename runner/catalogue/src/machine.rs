@@ -204,6 +204,40 @@ impl Machine {
         Notations::before_known(self.forms().filter_map(|form| form.parse().ok()).collect())
     }
 
+    /// What is to be known of how a program says its name to this machine, as a sentence without
+    /// its subject; `None` if all is well.
+    ///
+    /// ```
+    /// use softplug_catalogue::Catalogue;
+    ///
+    /// let catalogue = Catalogue::known();
+    /// let machine = catalogue.find("haas-vf").expect("it is known");
+    /// assert_eq!(machine.remark_on_name(b"%\nO12345\nM30\n%\n"), None);
+    /// assert_eq!(
+    ///     machine.remark_on_name(b"G0 X1\n").as_deref(),
+    ///     Some("does not say its name as haas-vf wants it: O{number}")
+    /// );
+    /// ```
+    pub fn remark_on_name(&self, text: &[u8]) -> Option<String> {
+        let names = self.names.as_ref()?;
+        // What does not stand in the text cannot be missed there.
+        if names.form.starts_with('{') {
+            return None;
+        }
+        let own = self.forms().filter_map(|form| form.parse::<Notation>().ok());
+        let Some(said) = own.into_iter().find_map(|notation| notation.read(text)) else {
+            return Some(format!(
+                "does not say its name as {} wants it: {}",
+                self.name, names.form
+            ));
+        };
+        let count = said.chars().filter(char::is_ascii_digit).count();
+        let digits = usize::from(names.digits.filter(|_| names.form.contains("{number}"))?);
+        let is_long = count > digits;
+        is_long
+            .then(|| format!("is called {said}, and a number has {digits} digits on {}", self.name))
+    }
+
     /// All that is shown, by its key.
     fn texts(&self) -> Vec<(&'static str, &str)> {
         let mut texts = vec![("title", &*self.title)];

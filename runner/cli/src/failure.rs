@@ -1,9 +1,12 @@
 //! Why the command could not do it: an exit code, a sentence and a hint.
 
+use std::error::Error;
 use std::fmt::Display;
 
 use serde::Serialize;
 use softplug_gateway::{BadSpec, PortError, SettingDifference};
+use softplug_host::LoadError;
+use softplug_trial::{TrialError, WAITS};
 
 use crate::exit::Exit;
 
@@ -56,6 +59,21 @@ impl Failure {
     /// A plug-in that cannot be loaded.
     pub(crate) fn plug_in(message: impl Display) -> Self {
         Self::new(Exit::PlugIn, message)
+    }
+
+    /// Why a trial of the program that is called `name` told nothing.
+    pub(crate) fn trial<F: Error>(error: TrialError<LoadError, F>, name: &str) -> Self {
+        match error {
+            TrialError::Instance(error) => Self::plug_in(error),
+            TrialError::Partner(error) => Self::usage(error),
+            TrialError::Program(error) => Self::usage(format_args!("cannot read {name}: {error}")),
+            TrialError::Waits => Self::new(Exit::Incomplete, WAITS),
+            error @ TrialError::Plugin(_) => Self::new(Exit::Failed, error),
+            // Here nobody bounds or stops it.
+            error @ (TrialError::Characters { .. } | TrialError::Spent | TrialError::Stopped) => {
+                Self::internal(error)
+            }
+        }
     }
 
     /// A bug of ours.

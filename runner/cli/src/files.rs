@@ -27,16 +27,6 @@ impl Program {
         Ok(Self { file, size: 0, name: "the job".to_owned() })
     }
 
-    /// A small one.
-    pub(crate) fn of(bytes: &[u8]) -> Result<Self, Failure> {
-        let mut program = Self::nothing()?;
-        let written = program.file.write_all(bytes).and_then(|()| program.file.rewind());
-        written.map_err(|error| {
-            Failure::usage(format_args!("cannot write a temporary file: {error}"))
-        })?;
-        Ok(Self { size: bytes.len() as u64, ..program })
-    }
-
     /// Opens the file; `-` is standard input, taken in whole, because a check
     /// reads the program before it is sent.
     pub(crate) fn open(path: &Path) -> Result<Self, Failure> {

@@ -116,11 +116,12 @@ impl Chosen {
     }
 
     pub(crate) fn instantiate(&self) -> Result<AnyInstance, Failure> {
+        self.new_instance().map_err(Failure::plug_in)
+    }
+
+    pub(crate) fn new_instance(&self) -> Result<AnyInstance, LoadError> {
         match self {
-            Self::Sandboxed(plugin) => {
-                let session = plugin.instantiate().map_err(Failure::plug_in)?;
-                Ok(AnyInstance::Sandboxed(Box::new(session)))
-            }
+            Self::Sandboxed(plugin) => Ok(AnyInstance::Sandboxed(Box::new(plugin.instantiate()?))),
             #[cfg(feature = "native")]
             Self::Native(plugin, _) => Ok(AnyInstance::Native(Box::new(plugin.instantiate()))),
         }

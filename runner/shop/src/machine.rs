@@ -1,11 +1,11 @@
 //! A unit with its plug-in, the line, and the control at its other end.
 
 use softplug_abi::{Action, Failure, Instance, LineParameters, Micros};
-use softplug_conformance::closed_loop::ClosedLoop;
 use softplug_link::{Job, LinkFault, LinkHost, LinkOptions, Supply};
 use softplug_machines::kept::Keep;
 use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
 use softplug_plan::{Dry, MachineOutcome, Outcome, Sample};
+use softplug_trial::ClosedLoop;
 use softplug_unit_bus::Unit as Level;
 
 use crate::error::ShopFault;

@@ -3,7 +3,6 @@
 
 pub(crate) mod back_to_back;
 pub(crate) mod class;
-pub mod closed_loop;
 pub(crate) mod cut;
 pub(crate) mod effect;
 pub(crate) mod erased;

@@ -2,7 +2,6 @@
 
 use super::failure::{Outcome, diverged, not_applicable};
 use super::setup::Setup;
-use crate::run::closed_loop::ClosedLoop;
 use crate::run::effect::Effect;
 use crate::run::erased::{Anything, Boxed, Erased};
 use crate::run::fault::{Fault, FaultClass};
@@ -12,6 +11,7 @@ use softplug_abi::manifest::Manifest;
 use softplug_abi::{Failure, Micros};
 use softplug_link::{Delivery, Job, LinkFault, Observed, Recorder};
 use softplug_machines::Partner;
+use softplug_trial::ClosedLoop;
 use std::fmt::Debug;
 use std::rc::Rc;
 

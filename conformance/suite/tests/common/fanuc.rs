@@ -3,13 +3,13 @@
 
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_abi::{Failure, Micros, ModemLines};
-use softplug_conformance::closed_loop::ClosedLoop;
 use softplug_link::{Delivery, Job, LinkOptions, Observed, Recorder};
 use softplug_machines::fanuc::{
     Code, Control, Options, Parity, Press, Report, eight_none_two, seven_even_two,
 };
 use softplug_machines::kept::Received;
 use softplug_native::{NativeInstance, NativePlugin};
+use softplug_trial::ClosedLoop;
 use std::fmt::Write;
 
 /// Settings of the plug-in as a person gives them.

@@ -7,16 +7,17 @@ use softplug_abi::{Failure as Why, LineParameters, Micros};
 use softplug_gateway::pacer::default_depth;
 use softplug_gateway::port::line_text;
 use softplug_machines::pulse_lathe::{Lathe, LatheReport};
+use softplug_trial::{Budget, End, Note, Setup, Side, Trial, Tried, WAITS, reason};
 
 use super::send::{
-    Arguments, Document, LatheDocument, Piece, Prepared, StatusDocument, check_message, reason,
+    Arguments, Document, LatheDocument, NoteDocument, Piece, Prepared, StatusDocument,
+    check_message,
 };
-use super::trial::{End, Trial, Tried, WAITS};
-use super::willing::Side;
 use crate::dump::{Dump, hex};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files;
+use crate::line::Assignment;
 use crate::numbers;
 use crate::screen::Screen;
 
@@ -25,38 +26,39 @@ pub(super) fn run(
     prepared: Prepared,
     screen: &Screen,
 ) -> Result<Exit, Failure> {
-    let Prepared { program, plugin, settings, job_kind, fields, check } = prepared;
+    let Prepared { mut program, plugin, settings, job_kind, fields, .. } = prepared;
     let manifest = plugin.manifest();
     let line = arguments.link.line(manifest, &settings).line;
     let name = program.name.clone();
-    let trial = Trial {
-        plugin: &plugin,
-        settings: &settings,
-        line,
+    let texts: Vec<_> = arguments.fields.iter().map(Assignment::as_pair).collect();
+    let setup = Setup {
         depth: arguments.link.depth.unwrap_or_else(|| default_depth(line.baud)),
         job_kind,
-        fields: &fields,
-        asked_fields: &arguments.fields,
-        check,
+        records: &fields,
+        fields: &texts,
+        ..Setup::new(manifest, &settings, line)
     };
-    let tried = trial.run(program)?;
+    let trial = Trial::new(setup, || plugin.new_instance(), Budget::endless());
+    let tried = trial.run(&mut program.file, program.size);
+    let tried = tried.map_err(|error| Failure::trial(error, &name))?;
     if let Some(picture) = &arguments.picture {
         draw(tried.lathe.as_deref(), picture)?;
     }
     let Tried { end, supplied, wire, dialogue, answered, took, notes, lathe } = tried;
     let status = match end {
-        Some(End::Failed(_, status) | End::CheckFailed(_, status, ..)) => status,
+        Some(End::Failed { status, .. } | End::CheckFailed { status, .. }) => status,
         Some(End::Done) | None => 0,
     };
     let (exit, result, failure, message) = match end {
         Some(End::Done) => (Exit::Done, "done", None, None),
-        Some(End::Failed(why, status)) => {
-            let message = format!("the transfer would fail: {}", reason(manifest, why, status));
-            (Exit::Failed, "failed", Some(why), Some(message))
+        Some(End::Failed { failure, status }) => {
+            let reason = reason(manifest, failure, status);
+            let message = format!("the transfer would fail: {reason}");
+            (Exit::Failed, "failed", Some(failure), Some(message))
         }
-        Some(End::CheckFailed(why, status, row, column)) => {
-            let message = check_message(manifest, &name, why, status, row, column);
-            (Exit::Failed, "check-failed", Some(why), Some(message))
+        Some(End::CheckFailed { failure, status, line, column }) => {
+            let message = check_message(manifest, &name, failure, status, line, column);
+            (Exit::Failed, "check-failed", Some(failure), Some(message))
         }
         None => (Exit::Incomplete, "incomplete", None, Some(WAITS.to_owned())),
     };
@@ -89,7 +91,7 @@ pub(super) fn run(
         message,
         wire: Some(hex(&wire)),
         exchange: dialogue.iter().map(piece).collect(),
-        notes,
+        notes: notes.into_iter().map(NoteDocument::of).collect(),
     });
     Ok(exit)
 }
@@ -99,6 +101,12 @@ fn draw(lathe: Option<&Lathe>, file: &Path) -> Result<(), Failure> {
         return Err(Failure::usage("--picture: this plug-in's programs are no feed pulses"));
     };
     files::write_picture(file, &lathe.picture(), "--picture")
+}
+
+impl NoteDocument {
+    fn of(note: Note) -> Self {
+        Self { level: note.level.name(), code: note.code, text: note.text }
+    }
 }
 
 impl LatheDocument {

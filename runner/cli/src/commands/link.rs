@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::remote::Remote;
-use crate::line::Assignment;
+use crate::line::{Assignment, field};
 
 /// Shows the links of a running gateway, swaps their plug-ins, and brings them back to work.
 #[derive(Debug, Args)]
@@ -43,6 +43,10 @@ pub(crate) enum Verb {
     #[command(after_help = "Example:
   softplug link release lathe-1")]
     Release(Named),
+    #[command(after_help = "Examples:
+  softplug link check lathe-1 O1234.nc
+  softplug link check lathe-1 lathes/O1234.nc --strict --json")]
+    Check(Check),
     Swap(Swap),
     #[command(after_help = "Examples:
   softplug link watch lathe-1
@@ -59,6 +63,21 @@ pub(crate) enum Verb {
 pub(crate) struct Named {
     /// Name of the link
     pub(crate) link: String,
+}
+
+/// Tells what would not arrive of a program at a link's machine; nothing is sent
+#[derive(Debug, Args)]
+pub(crate) struct Check {
+    /// Name of the link
+    pub(crate) link: String,
+    /// Name of the program, which the gateway has
+    pub(crate) program: String,
+    /// A field of the job; may be repeated
+    #[arg(long = "field", value_name = "NAME=VALUE", value_parser = field)]
+    pub(crate) fields: Vec<Assignment>,
+    /// End with 1 also if something is left out or replaced
+    #[arg(long)]
+    pub(crate) strict: bool,
 }
 
 /// Swaps a link's plug-in while the machine goes on

@@ -37,10 +37,8 @@ pub(crate) mod send;
 pub(crate) mod simulate;
 mod step;
 pub(crate) mod trace;
-mod trial;
 pub(crate) mod unit;
 pub(crate) mod verify;
-mod willing;
 mod with_plugin;
 
 use crate::arguments::{Command, Global};

@@ -8,6 +8,7 @@ use softplug_abi::Failure as Why;
 use softplug_abi::manifest::{FieldError, Kind, Manifest, SettingValues};
 use softplug_gateway::PortSpec;
 use softplug_gateway::store::Inbox;
+use softplug_trial::Refused;
 
 use super::dry_run;
 use super::receive::no_folder;
@@ -296,17 +297,6 @@ pub(crate) fn fields(kind: &Kind, asked: &[Assignment]) -> Result<Vec<u8>, Failu
     })
 }
 
-/// Why a job failed, in a sentence, with the protocol's own code if it is known.
-pub(crate) fn reason(manifest: &Manifest, failure: Why, status: u16) -> String {
-    match (status, manifest.status(status)) {
-        (0, _) => failure.text().to_owned(),
-        // The plug-in says itself what is wrong with the job, and knows better.
-        (_, Some(known)) if failure == Why::BadJob => format!("{} ({})", known.text, known.name),
-        (_, Some(known)) => format!("{} ({}: {})", failure.text(), known.name, known.text),
-        (_, None) => format!("{} (status {})", failure.text(), StatusDocument::number(status)),
-    }
-}
-
 /// A fault that the check found in the program.
 pub(crate) fn check_message(
     manifest: &Manifest,
@@ -316,10 +306,5 @@ pub(crate) fn check_message(
     line: u32,
     column: u32,
 ) -> String {
-    let place = match (line, column) {
-        (0, _) => String::new(),
-        (line, 0) => format!(", line {line}"),
-        (line, column) => format!(", line {line}, column {column}"),
-    };
-    format!("{name}{place} cannot be sent: {}", reason(manifest, failure, status))
+    Refused { failure, status, place: Some((line, column)) }.message(manifest, name)
 }

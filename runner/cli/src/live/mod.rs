@@ -62,8 +62,9 @@ use softplug_gateway::port::line_text;
 use softplug_gateway::station::{Station, StationError, StationOptions};
 use softplug_gateway::transfer::{Note, Reception, TransferError};
 use softplug_gateway::{Port, PortOptions, PortSpec};
+use softplug_trial::reason;
 
-use crate::commands::send::{KeptDocument, NoteDocument, reason};
+use crate::commands::send::{KeptDocument, NoteDocument};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::line::{Carrier, ChosenLine, LinkArguments};

@@ -7,12 +7,13 @@ use softplug_abi::Failure as Why;
 use softplug_abi::manifest::Manifest;
 use softplug_gateway::store::Inbox;
 use softplug_gateway::transfer::{self, ReceiveOutcome};
+use softplug_trial::reason;
 
 use super::progress::Bar;
 use super::send::exit_of;
 use super::{kept_documents, note_documents, say_kept, say_notes, station, transfer_failure};
 use crate::commands::receive::{Arguments, Document, Prepared};
-use crate::commands::send::{StatusDocument, reason};
+use crate::commands::send::StatusDocument;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::Partial;

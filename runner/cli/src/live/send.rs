@@ -9,13 +9,12 @@ use softplug_abi::Failure as Why;
 use softplug_gateway::PortSpec;
 use softplug_gateway::store::Inbox;
 use softplug_gateway::transfer::{self, Progress, SendOptions, SendOutcome, SendReport};
+use softplug_trial::reason;
 
 use super::progress::Bar;
 use super::{kept_documents, note_documents, say_kept, say_notes, station, transfer_failure};
 use crate::commands::receive::no_folder;
-use crate::commands::send::{
-    Arguments, Document, Prepared, SEND, StatusDocument, check_message, reason,
-};
+use crate::commands::send::{Arguments, Document, Prepared, SEND, StatusDocument, check_message};
 use crate::dump::{Dump, hex};
 use crate::exit::Exit;
 use crate::failure::Failure;

@@ -15,12 +15,13 @@ use softplug_gateway::transfer::{
     self, Delivered, JobReport, News, Program, Reply, Request, SendOutcome, ServeEnd, ServeHandler,
     ServeOptions, ServeReport,
 };
+use softplug_trial::reason;
 
 use super::progress::Bar;
 use super::receive::{AWAITED, nothing_came};
 use super::{say_notes, station, transfer_failure};
 use crate::commands::receive::{Arguments, Folders, Prepared};
-use crate::commands::send::{StatusDocument, check_message, reason};
+use crate::commands::send::{StatusDocument, check_message};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::numbers;

@@ -71,6 +71,19 @@ fn reads(pty: &PtyPair, expected: &str) {
 }
 
 #[test]
+fn the_cases_of_the_abi_and_those_of_the_project_are_judged() {
+    let bench = project("kit-further", "c");
+    let mut dev = Dev::start(&bench, "kit-further", &[], &[]);
+    assert_eq!(dev.round()["result"], "passed");
+    let further = dev.line();
+    assert_eq!(further["result"], "looked-further");
+    let verdicts = further["verdicts"].as_array().unwrap().iter();
+    let verdicts: Vec<_> = verdicts.map(|of| [&of["profile"], &of["verdict"]]).collect();
+    assert_eq!(verdicts, [["abi", "conformant"], ["kit-further", "conformant"]]);
+    dev.end();
+}
+
+#[test]
 fn each_save_goes_into_a_gateways_link_in_the_middle_of_a_job() {
     let bench = project("kit-dev", "rust");
     in_folder(&bench, "kit-dev", &["build"]).with_code(0);

@@ -68,6 +68,7 @@ const VERBS: &[&[&str]] = &[
     &["link", "force-resume"],
     &["link", "quarantine"],
     &["link", "release"],
+    &["link", "check"],
     &["link", "swap"],
     &["link", "watch"],
     &["link", "received"],

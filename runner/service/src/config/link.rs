@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use softplug_abi::{LineParameters, Micros};
-use softplug_catalogue::Notations;
+use softplug_catalogue::{Machine, Notations};
 use softplug_gateway::endpoint::EndpointSetup;
 use softplug_gateway::port::{line_mismatch, line_text, parse_line};
 use softplug_gateway::units::{TlsKeys, UnitAddress};
@@ -54,6 +55,8 @@ pub struct LinkConfig {
     pub search: Vec<String>,
     /// How its programs say their names.
     pub names: Notations,
+    /// What the catalogue says of its machine, if it names one.
+    pub machine: Option<Arc<Machine>>,
     /// Folder of its receptions, below that of all.
     pub receive: String,
     /// What it may receive.
@@ -221,6 +224,7 @@ impl LinkConfig {
             ("delivery-room", self.delivery_room == other.delivery_room),
             ("search", self.search == other.search),
             ("names", self.names == other.names),
+            ("machine", self.machine == other.machine),
             ("receive", self.receive == other.receive),
             ("quota", self.quota == other.quota),
             ("buffer", self.buffer == other.buffer),

@@ -5,6 +5,7 @@ use std::fmt;
 use std::net::SocketAddr;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use softplug_abi::LineParameters;
 use softplug_catalogue::{Catalogue, Notation, NotationError, Notations};
@@ -129,6 +130,7 @@ fn one(
     let search =
         search.iter().filter_map(|text| plain_name(Some(text), "folder", problems)).collect();
     let names = names(link.names, problems);
+    let machine = link.machine.and_then(|text| common.catalogue.find(text.get_ref()).cloned());
     let mut room = |value: Option<&Spanned<Value>>, default: u32| {
         value
             .map_or(default, |value| bytes(value, 64, 1 << 24, problems).unwrap_or_default() as u32)
@@ -197,6 +199,7 @@ fn one(
         connect: span(link.connect.as_ref(), 5_000, problems),
         swap: choice(link.swap.as_ref(), &policies, problems),
         name,
+        machine: machine.map(Arc::new),
         group,
         bus,
         port: port?,

@@ -11,6 +11,7 @@ use softplug_gateway::awaited::awaited;
 use softplug_gateway::reactor::{AlarmKind, Condition, JobEnd, LaneFigures, LaneId, LaneStatus};
 use softplug_gateway::reservoir::Gauge;
 use softplug_host::Digest;
+use softplug_trial::reason;
 
 use super::history::History;
 use super::loading::Prepared;
@@ -339,16 +340,10 @@ impl Link {
 
     /// A failure in the words of the protocol, where the manifest knows them.
     pub(crate) fn words(&self, failure: Failure, status: u16) -> String {
-        match (status, self.plugin.plugin.manifest().status(status)) {
-            _ if failure == Failure::Interrupted => self.interrupted().to_owned(),
-            (0, _) => failure.text().to_owned(),
-            // The plug-in says itself what is wrong with the job, and knows better.
-            (_, Some(known)) if failure == Failure::BadJob => {
-                format!("{} ({})", known.text, known.name)
-            }
-            (_, Some(known)) => format!("{} ({}: {})", failure.text(), known.name, known.text),
-            (_, None) => format!("{} (status {status:04X})", failure.text()),
+        if failure == Failure::Interrupted {
+            return self.interrupted().to_owned();
         }
+        reason(self.plugin.plugin.manifest(), failure, status)
     }
 
     /// What only a host reports, and no plug-in.

@@ -9,6 +9,7 @@ mod block_finder;
 mod buses;
 mod calls;
 mod cells;
+mod checks;
 mod control;
 mod drivers;
 mod drops;

@@ -12,8 +12,8 @@ use crate::jobs::{Note, Subject, Weight};
 use crate::view::{ReloadView, RemadeLink, SwapWhen};
 
 /// Keys that say what the loop does with a link, and nothing of its lane.
-const AT_ONCE: [&str; 8] =
-    ["group", "search", "names", "receive", "quota", "swap", "probation", "drop"];
+const AT_ONCE: [&str; 9] =
+    ["group", "search", "names", "machine", "receive", "quota", "swap", "probation", "drop"];
 /// Keys for which a swap does.
 const BY_SWAP: [&str; 2] = ["plugin", "settings"];
 

@@ -90,6 +90,8 @@ pub(super) const FEED_PACE: Pace = Pace { patience: Duration::from_mins(10), byt
 pub(super) const PLUGIN_BYTES: u64 = 16 * 1024 * 1024;
 /// Lists that are read at one time; more wait.
 pub(super) const LOOKS: usize = 2;
+/// Programs that are checked at one time, each on a processor; more wait.
+pub(super) const CHECKS: usize = 2;
 /// Uploads at one time.
 pub(super) const UPLOADS: usize = 32;
 /// Direct feeds at one time; each has a thread.

@@ -45,6 +45,7 @@ pub(crate) const FILES: &[File] = &[
     script!("card.js"),
     script!("cells.js"),
     script!("chart.js"),
+    script!("check.js"),
     script!("compare.js"),
     script!("differences.js"),
     script!("dom.js"),

@@ -7,6 +7,7 @@
 mod bus;
 mod cell;
 mod change;
+mod check;
 mod health;
 mod history;
 mod job;
@@ -23,6 +24,7 @@ pub use cell::{
     CellStuckView, CellView, ForceOrder, ModeOrder,
 };
 pub use change::{Change, Seen, SeenWhat};
+pub use check::{AlteredView, CheckResult, CheckView};
 pub use health::{HealthView, LinkCounts, ReadyView, ReloadView, RemadeLink, StopHow};
 pub use history::{HistorySpan, HistoryView};
 pub use job::{

@@ -3,6 +3,7 @@
 
 #[path = "../common/bench.rs"]
 mod bench;
+mod checks;
 mod exchange;
 mod fuzzed;
 mod hostile;

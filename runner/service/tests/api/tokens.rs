@@ -3,10 +3,11 @@
 use crate::bench::Bench;
 
 /// What is asked of the API, and whether it is an admin's.
-const OPERATIONS: [(&str, &str, bool); 15] = [
+const OPERATIONS: [(&str, &str, bool); 16] = [
     ("GET", "/links", false),
     ("GET", "/links/lathe-1", false),
     ("GET", "/links/lathe-1/watch", false),
+    ("GET", "/links/lathe-1/check?program=O1.nc", false),
     ("GET", "/jobs", false),
     ("GET", "/programs", false),
     ("GET", "/plugins", false),
@@ -52,7 +53,14 @@ fn a_viewer_sees_all_and_changes_nothing() {
     let bench = Bench::new();
     bench.upload("O1.nc", b"G0 X1\n").with(201);
     assert_eq!(bench.ask("GET", "/me", &bench.viewer, b"").with(200).json()["role"], "viewer");
-    for path in ["/links", "/links/lathe-1/history", "/jobs", "/programs/O1.nc", "/journal"] {
+    for path in [
+        "/links",
+        "/links/lathe-1/history",
+        "/links/lathe-1/check?program=O1.nc",
+        "/jobs",
+        "/programs/O1.nc",
+        "/journal",
+    ] {
         bench.ask("GET", path, &bench.viewer, b"").with(200);
     }
     for (method, path) in [

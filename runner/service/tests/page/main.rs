@@ -12,6 +12,7 @@ mod plugins;
 
 mod needs_chromium {
     mod access;
+    mod check;
     mod gcode;
     mod lathe;
     mod many;

@@ -12,10 +12,11 @@ use softplug_abi::LineParameters;
 use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::transfer::{self, SendOptions, SendOutcome, SendReport};
 use softplug_gateway::{Port, PortError, PortOptions};
+use softplug_trial::reason;
 
 use super::pulse::Pulse;
 use crate::commands::demo::Arguments;
-use crate::commands::send::{check_message, job_kind, reason};
+use crate::commands::send::{check_message, job_kind};
 use crate::failure::Failure;
 use crate::line::Assignment;
 use crate::live::machine::{Machine, Simulated};

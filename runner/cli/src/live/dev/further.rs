@@ -96,6 +96,8 @@ fn judged(
     profile: &str,
     broken_off: &AtomicBool,
 ) -> Result<Report, Box<dyn Error>> {
+    // Empty where it is the working folder, which is no folder that can be read.
+    let root = if root.as_os_str().is_empty() { Path::new(".") } else { root };
     let own = root.join(REQUIREMENTS).join(format!("{profile}.toml")).is_file();
     let corpus = if own { Corpus::read(root)? } else { Corpus::embedded() };
     let options = CertifyOptions::new(profile);

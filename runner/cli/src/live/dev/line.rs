@@ -8,10 +8,10 @@ use softplug_gateway::station::{Station, StationError, StationOptions, Turn};
 use softplug_gateway::store::{Inbox, Mark};
 use softplug_gateway::{PortOptions, PortSpec};
 use softplug_link::{Job, LinkHost, Successor, Supply, SwapError};
+use softplug_trial::reason;
 
 use super::{Ready, next};
 use crate::commands::dev::Arguments;
-use crate::commands::send::reason;
 use crate::failure::Failure;
 use crate::line::ChosenLine;
 use crate::live::open;

@@ -7,7 +7,7 @@ use softplug_service::view::{
     LinkView, PluginView, ReceptionView, Seen, SwapOrder, SwapState, SwapView, SwapWhen,
 };
 
-use super::{Client, pairs, segment, show};
+use super::{Client, check, pairs, segment, show};
 use crate::commands::link::{Arguments, Received, Swap, Verb, Watch, When};
 use crate::commands::remote::Remote;
 use crate::exit::Exit;
@@ -30,6 +30,7 @@ pub(crate) fn link(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failu
         Verb::ForceResume(of) => order(&client, &of.link, "force-resume", screen),
         Verb::Quarantine(of) => order(&client, &of.link, "quarantine", screen),
         Verb::Release(of) => order(&client, &of.link, "release", screen),
+        Verb::Check(of) => check::check(&client, of, screen),
         Verb::Swap(of) => swap(&client, of, screen),
         Verb::Watch(of) => watch(&client, of, screen),
         Verb::Received(of) => received(&client, of, screen),

@@ -1,6 +1,7 @@
 //! The verbs that speak with a running gateway, over its HTTP API.
 
 mod cell;
+mod check;
 mod job;
 mod journal;
 mod link;
@@ -94,6 +95,11 @@ impl Client {
 
     fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, Failure> {
         self.ask("GET", path, None, (), Some(ANSWER)).and_then(|answer| self.read(answer))
+    }
+
+    /// What takes longer to be found out.
+    fn get_patiently<T: DeserializeOwned>(&self, path: &str) -> Result<T, Failure> {
+        self.ask("GET", path, None, (), Some(ORDER)).and_then(|answer| self.read(answer))
     }
 
     fn post<T: DeserializeOwned>(

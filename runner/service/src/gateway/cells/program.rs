@@ -35,9 +35,7 @@ impl ChannelOf {
         let unread = |error: &dyn std::fmt::Display| Refusal::Unavailable(error.to_string());
         let mut file = snapshots.open(data).map_err(|error| unread(&error))?;
         file.read_to_end(&mut bytes).map_err(|error| unread(&error))?;
-        let notation = self.config.notation(self.channel);
-        let program = Program::read(&bytes, self.channel, &self.config.setup, notation);
-        let program = program.map_err(|error| Refusal::invalid("program", error))?;
+        let program = self.words(&bytes)?;
         for stop in &program.stops {
             if let Word::Load { channel, program } = &stop.word {
                 self.check(shared, *channel, program).map_err(|error| {
@@ -45,16 +43,28 @@ impl ChannelOf {
                 })?;
             }
         }
-        if program.sent.is_empty() {
-            let text = "nothing of it is for the machine: write a block at least, or its words as comments";
-            return Err(Refusal::invalid("program", text));
-        }
         if program.left_out.is_empty() {
             return Ok((data, program.stops));
         }
         let data =
             snapshots.take_all(&mut &*program.sent, "what is sent of the program", LARGEST)?;
         Ok((data, program.stops))
+    }
+
+    /// What the machine gets of a program.
+    pub(crate) fn sent(&self, program: &[u8]) -> Result<Vec<u8>, Refusal> {
+        Ok(self.words(program)?.sent.into_owned())
+    }
+
+    fn words<'a>(&self, program: &'a [u8]) -> Result<Program<'a>, Refusal> {
+        let notation = self.config.notation(self.channel);
+        let program = Program::read(program, self.channel, &self.config.setup, notation);
+        let program = program.map_err(|error| Refusal::invalid("program", error))?;
+        if program.sent.is_empty() {
+            let text = "nothing of it is for the machine: write a block at least, or its words as comments";
+            return Err(Refusal::invalid("program", text));
+        }
+        Ok(program)
     }
 
     /// Whether a program can be loaded into a channel, as it is now.

@@ -14,7 +14,7 @@ use super::super::options::FEED_PACE;
 use super::super::problem::{Problem, Refused};
 use super::super::upload;
 use super::{Answer, At, within_limit};
-use crate::view::{JobFilter, JobOrder, JobView};
+use crate::view::{CheckView, JobFilter, JobOrder, JobView};
 
 /// Put a job into a link's queue
 ///
@@ -31,6 +31,38 @@ pub(super) async fn submit(
 ) -> Answer<(StatusCode, Json<JobView>)> {
     let job = app.ask(move |gateway| gateway.submit(&link, &order)).await?;
     Ok((StatusCode::CREATED, Json(job)))
+}
+
+/// What is checked.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct CheckOrder {
+    /// Name of the program.
+    program: String,
+    /// The kind of job that would send it, as the plug-in's manifest names it; `send` if nothing is
+    /// said.
+    kind: Option<String>,
+    /// Fields of the job: a JSON object of texts.
+    fields: Option<String>,
+}
+
+/// What a program cannot say on a link's line
+///
+/// Each of its characters is tried through the link's plug-in, with its settings and on its line:
+/// whether it passes, is left out, replaced or refused; then the program as a whole. Nothing is
+/// sent, and neither the link nor its machine notices.
+#[utoipa::path(get, operation_id = "link_check", path = "/links/{link}/check",
+    tag = "links",
+    params(("link" = String, Path, description = "Name of the link"), CheckOrder),
+    responses((status = OK, body = CheckView), Refused))]
+pub(super) async fn check(
+    State(app): At,
+    Segments(link): Segments<String>,
+    Filter(CheckOrder { program, kind, fields }): Filter<CheckOrder>,
+) -> Answer<Json<CheckView>> {
+    let order = FeedOrder { program: Some(program), kind, fields }.read()?;
+    app.compute(move |gateway, stop| gateway.check(&link, &order, stop)).await.map(Json)
 }
 
 /// A job whose data is the request's body.

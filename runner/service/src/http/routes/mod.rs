@@ -11,6 +11,7 @@ mod programs;
 mod system;
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -27,7 +28,7 @@ use utoipa_axum::routes;
 pub use system::MeView;
 
 use super::access::{self, AccessControl};
-use super::options::{FEEDS, LOOKS, Limits, STREAMS, UPLOADS};
+use super::options::{CHECKS, FEEDS, LOOKS, Limits, STREAMS, UPLOADS};
 use super::problem::Problem;
 use super::server::RouteParts;
 use crate::{Gateway, Refusal};
@@ -39,6 +40,7 @@ pub(super) struct AppState {
     pub(super) limits: Limits,
     pub(super) stopping: watch::Receiver<bool>,
     looks: Arc<Semaphore>,
+    checks: Arc<Semaphore>,
     uploads: Arc<Semaphore>,
     feeds: Arc<Semaphore>,
     streams: Arc<Semaphore>,
@@ -74,6 +76,24 @@ impl AppState {
         self.ask(question).await
     }
 
+    /// Asks for what computes for seconds: a few at a time, and only as long as somebody waits for
+    /// the answer.
+    pub(super) async fn compute<T: Send + 'static>(
+        &self,
+        question: impl FnOnce(&Gateway, &Arc<AtomicBool>) -> Result<T, Refusal> + Send + 'static,
+    ) -> Answer<T> {
+        // It is never closed.
+        let turn = self.checks.clone().acquire_owned().await.map_err(|_| Problem::ours())?;
+        let waiting = Waiting::default();
+        let stop = Arc::clone(&waiting.0);
+        self.ask(move |gateway| {
+            // Its turn ends when it has, also if nobody waits any more.
+            let _turn = turn;
+            question(gateway, &stop)
+        })
+        .await
+    }
+
     fn a_slot(slots: &Arc<Semaphore>, what: &str) -> Answer<OwnedSemaphorePermit> {
         slots.clone().try_acquire_owned().map_err(|_| {
             Problem::unavailable(format!("there are too many {what} at present; try again later"))
@@ -90,6 +110,16 @@ impl AppState {
 
     pub(super) fn stream_slot(&self) -> Answer<OwnedSemaphorePermit> {
         Self::a_slot(&self.streams, "streams")
+    }
+}
+
+/// Whoever waits for an answer; what computes it is stopped when it is gone.
+#[derive(Default)]
+struct Waiting(Arc<AtomicBool>);
+
+impl Drop for Waiting {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
     }
 }
 
@@ -135,6 +165,7 @@ fn known_only() -> OpenApiRouter<Arc<AppState>> {
         .routes(routes!(links::kinds))
         .routes(routes!(links::lathe))
         .routes(routes!(links::history))
+        .routes(routes!(jobs::check))
         .routes(routes!(links::reopen))
         .routes(routes!(links::force_resume))
         .routes(routes!(links::quarantine))
@@ -187,6 +218,7 @@ pub(super) fn all(gateway: Gateway, limits: Limits, surroundings: RouteParts) ->
         limits,
         stopping,
         looks: Arc::new(Semaphore::new(LOOKS)),
+        checks: Arc::new(Semaphore::new(CHECKS)),
         uploads: Arc::new(Semaphore::new(UPLOADS)),
         feeds: Arc::new(Semaphore::new(FEEDS)),
         streams: Arc::new(Semaphore::new(STREAMS)),
@@ -285,6 +317,6 @@ mod tests {
                 count += 1;
             }
         }
-        assert_eq!(count, 45);
+        assert_eq!(count, 46);
     }
 }

@@ -43,7 +43,7 @@ async function ask(method, path, { body, kind, signal } = {}) {
 
 const json = async (answer) => (answer.status === 204 ? null : answer.json());
 
-export const get = (path) => ask('GET', path).then(json);
+export const get = (path, signal) => ask('GET', path, { signal }).then(json);
 export const remove = (path) => ask('DELETE', path).then(json);
 export const post = (path, order) =>
   ask('POST', path, order === undefined ? {} : { body: JSON.stringify(order), kind: 'application/json' }).then(json);

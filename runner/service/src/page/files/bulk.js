@@ -1,6 +1,7 @@
 // Something for many links at once: what will happen is shown before it does.
 
 import * as api from './api.js';
+import { asker, gravity, inShort, worst } from './check.js';
 import { field, h, keyed, options, say, show } from './dom.js';
 import * as store from './store.js';
 import * as text from './text.js';
@@ -41,16 +42,16 @@ export function whenSelect() {
     h('option', { value: 'idle' }, 'when idle'));
 }
 
-/** Links by what becomes of them: [[sentence, whether anything is done, names]]. */
+/** Links by what becomes of them, the gravest first: [[sentence, whether anything is done, names]]. */
 function byFate(all, fate) {
   const groups = new Map();
   for (const link of all) {
-    const [sentence, isDone] = fate(link);
-    const group = groups.get(sentence) ?? [sentence, isDone, []];
+    const [sentence, isDone, grave = 0] = fate(link);
+    const group = groups.get(sentence) ?? [sentence, isDone, [], grave];
     group[2].push(link.name);
     groups.set(sentence, group);
   }
-  return [...groups.values()];
+  return [...groups.values()].sort((one, other) => other[3] - one[3]);
 }
 
 /** The panel that comes up when links are chosen. */
@@ -67,6 +68,8 @@ export function bulk(chosen, onChange) {
     h('thead', {}, h('tr', {}, ['Links', 'What', 'Which'].map((name) => h('th', { scope: 'col' }, name)))), fates);
   const go = h('button', { class: 'main' });
   const status = h('p', { role: 'status' });
+  const arrives = h('p', { role: 'status', class: 'worst' });
+  const checks = asker(() => update(), () => store.has.cells);
   const failed = h('ul', { class: 'wrong' });
   const node = h('form', {
     class: 'panel chosen', 'aria-label': 'Chosen links',
@@ -74,8 +77,9 @@ export function bulk(chosen, onChange) {
       event.preventDefault();
       if (!isUnderWay && what()) order();
     },
-  }, h('div', { class: 'tools' }, count, clear), h('div', { class: 'fields' }, field('Send the program', program), swapping), summary, go, status, failed);
+  }, h('div', { class: 'tools' }, count, clear), h('div', { class: 'fields' }, field('Send the program', program), swapping), arrives, summary, go, status, failed);
   let isUnderWay = false;
+  let answerOf = () => undefined;
 
   /** One thing at a time: what is chosen last. */
   function begin(select) {
@@ -89,7 +93,11 @@ export function bulk(chosen, onChange) {
     if (program.value) {
       return {
         verb: (number) => `Send ${program.value} to ${links(number)}`,
-        fate: sendFate,
+        fate: (link) => {
+          const [sentence, isDone] = sendFate(link);
+          const answer = answerOf(link);
+          return [`${sentence}; ${inShort(answer)}`, isDone, gravity(answer)];
+        },
         order: (name) => api.post(`/links/${api.part(name)}/jobs`, { program: program.value }).then(store.took),
       };
     }
@@ -126,11 +134,20 @@ export function bulk(chosen, onChange) {
 
   function update() {
     show(node, chosen.size && store.mayAct());
-    if (!chosen.size) return;
+    if (!chosen.size) {
+      checks.end();
+      return;
+    }
     say(count, chosen.size === 1 ? '1 link is chosen' : `${text.count(chosen.size)} links are chosen`);
     options(program, [['', 'which?'], ...store.programs.map(({ name, bytes }) => [name, `${name} (${text.bytes(bytes)})`])]);
     options(plugin, [['', 'which?'], ...store.plugins.map((of) => [text.pluginKey(of), `${text.plugin(of)} (${of.digest.slice(0, 8)})`])]);
     for (const one of swapping) show(one, store.isAdmin());
+    const picked = store.sorted().filter((link) => chosen.has(link.name));
+    answerOf = checks.want(isUnderWay ? [] : picked, program.value);
+    const tried = isUnderWay || !program.value ? [] : picked.map((link) => [link.name, answerOf(link)]);
+    say(arrives, tried.length ? worst(tried) : '');
+    show(arrives, tried.length);
+    arrives.classList.toggle('wrong', tried.some(([, answer]) => gravity(answer) === 2));
     const all = isUnderWay ? [] : groups();
     keyed(fates, all, ([sentence]) => sentence, ([sentence]) => {
       const number = h('td');
@@ -146,7 +163,7 @@ export function bulk(chosen, onChange) {
     say(go, what()?.verb(number) ?? '');
     go.disabled = !number;
   }
-  return { node, update };
+  return { node, update, end: checks.end };
 }
 
 /** Does something for each name, some at once; tells how far it is. */

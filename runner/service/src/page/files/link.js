@@ -4,6 +4,7 @@ import * as address from './address.js';
 import * as api from './api.js';
 import { act } from './message.js';
 import { whenSelect } from './bulk.js';
+import { asker, checked } from './check.js';
 import { field, h, keyed, options, say, show, sureButton } from './dom.js';
 import { history } from './history.js';
 import { table as jobTable } from './jobs.js';
@@ -20,7 +21,7 @@ export function page(name) {
   const now = overview(name, path);
   const isolated = quarantine(path);
   const past = history(path);
-  const send = sendForm(path);
+  const send = sendForm(path, () => update());
   const swap = swapForm(path);
   const jobs = queue(name);
   const came = received(name, path);
@@ -47,6 +48,7 @@ export function page(name) {
     line.end();
     cut.end();
     past.end();
+    send.end();
   };
   return { node, update, end };
 }
@@ -131,8 +133,10 @@ function pairs(list, values) {
   });
 }
 
-function sendForm(path) {
-  const program = h('select', { name: 'program', required: true });
+function sendForm(path, told) {
+  const checks = asker(told);
+  const how = checked();
+  const program = h('select', { name: 'program', required: true, onchange: told });
   const priority = h('input', { type: 'number', name: 'priority', value: '0', step: '1' });
   const block = h('input', { type: 'number', name: 'block', min: '1', placeholder: '1' });
   const none = h('p', { class: 'empty' }, 'No programs yet: ', h('a', { href: '#/programs' }, 'upload one'), '.');
@@ -150,15 +154,20 @@ function sendForm(path) {
     },
   }, field('Program', program), h('button', { class: 'main' }, 'Send'),
   h('details', { class: 'whole' }, h('summary', {}, 'Begin at a block, or before others'), h('div', { class: 'fields' }, field('From block', block), field('Priority', priority))));
-  const node = h('div', { class: 'panel' }, h('h2', {}, 'Send'), form, none);
+  const node = h('div', { class: 'panel' }, h('h2', {}, 'Send'), form, how.node, none);
   return {
     node,
-    update() {
+    update(link) {
       options(program, store.programs.map(({ name, bytes }) => [name, `${name} (${text.bytes(bytes)})`]), 'Which?');
       show(node, store.mayAct());
       show(form, store.programs.length);
       show(none, !store.programs.length);
+      const chosen = store.mayAct() && link.plugin ? program.value : '';
+      const answerOf = checks.want([link], chosen);
+      show(how.node, chosen);
+      if (chosen) how.update(link, chosen, answerOf(link));
     },
+    end: checks.end,
   };
 }
 

@@ -149,5 +149,9 @@ export function page(_, query) {
     h('div', { class: 'title' }, h('h1', {}, 'Links'), view, wall),
     h('div', { class: 'tools' }, search, group, h('div', { class: 'chips', role: 'group', 'aria-label': 'Which links' }, chips.map(([, chip]) => chip))),
     many.node, table, cards, empty);
-  return { node, update, end: seen.end };
+  const end = () => {
+    seen.end();
+    many.end();
+  };
+  return { node, update, end };
 }

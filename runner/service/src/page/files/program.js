@@ -1,6 +1,7 @@
 // A program to look at: its text, the way of the tool, where the cut is.
 
 import * as api from './api.js';
+import { asker, checked } from './check.js';
 import { act } from './message.js';
 import { field, h, keyed, options, say, show } from './dom.js';
 import { lineOf, lineText } from './lines.js';
@@ -35,7 +36,8 @@ export function page(name) {
     list.node.scrollIntoView({ block: 'nearest' });
   };
   const heard = remarks(goTo);
-  const odd = oddSigns(name, goTo);
+  const odd = oddSigns(goTo);
+  const arrives = arrival(name, goTo, () => update());
   const how = reading(() => worker.postMessage({ options: how.options }), describe);
   const find = finder(() => bytes, () => starts, list, (line) => picture.choose(line));
   let bytes = null;
@@ -101,7 +103,9 @@ export function page(name) {
     picture.mark(place ? place.surely : -1);
     if (place && runs.isFollowed) list.reveal(place.surely);
     sendTo.update();
-    odd.update(store.links.get(sendTo.link));
+    const link = store.links.get(sendTo.link);
+    odd.update(link);
+    arrives.update(link);
   }
 
   const sendTo = sender(name, () => update());
@@ -114,7 +118,7 @@ export function page(name) {
     h('div', { class: 'columns' },
       h('div', { class: 'panel' }, h('h2', {}, 'Text'), find.node, list.node),
       h('div', { class: 'panel' }, h('h2', {}, 'Tool path'), picture.node, how.node)),
-    odd.node, heard.node);
+    arrives.node, odd.node, heard.node);
   again();
   return {
     node,
@@ -125,6 +129,7 @@ export function page(name) {
     end() {
       end.abort();
       worker.terminate();
+      arrives.end();
       list.end();
       picture.end();
     },
@@ -193,8 +198,14 @@ function sender(name, changed) {
     say(send, link.value ? `Send to ${link.value}` : 'Send');
     send.disabled = !link.value;
   }
-  const node = h('div', { class: 'buttons' }, h('label', { class: 'inline' }, 'Send to ', link), send);
-  show(node, store.mayAct());
+  const label = h('span', {}, 'Send to ');
+  const node = h('div', { class: 'buttons' }, h('label', { class: 'inline' }, label, link), send);
+  // Who may only look may look at what would arrive.
+  show(send, store.mayAct());
+  if (!store.mayAct()) {
+    say(label, 'As it would be sent to ');
+    link.ariaLabel = 'Link that it would be sent to';
+  }
   return { node, update, get link() { return link.value; } };
 }
 
@@ -255,31 +266,47 @@ function finder(bytesOf, startsOf, list, found) {
   return { node: form };
 }
 
-/** What not every line can say; what the line of the chosen link makes of it, the plug-in knows alone. */
-function oddSigns(name, goTo) {
+/** What arrives of it on the link that is chosen. */
+function arrival(name, goTo, told) {
+  const checks = asker(told);
+  const how = checked(goTo);
+  const title = h('h2');
+  const node = h('div', { class: 'panel' }, title, how.node);
+  show(node, false);
+  return {
+    node,
+    update(link) {
+      show(node, link?.plugin);
+      const answerOf = checks.want(link ? [link] : [], name);
+      if (!link) return;
+      say(title, `What arrives at ${link.name}`);
+      how.update(link, name, answerOf(link));
+    },
+    end: checks.end,
+  };
+}
+
+/** What not every line can say; what the line of a link makes of it, its plug-in tells once the link is chosen. */
+function oddSigns(goTo) {
   const body = h('tbody');
-  const command = h('code');
-  const hint = h('p', { class: 'facts' }, 'What is left out, replaced or refused of them on this link, its plug-in tells before anything is sent: ', command);
+  const hint = h('p', { class: 'facts' }, 'What becomes of them on a link, its plug-in tells before anything is sent: choose the link above.');
   const table = h('table', { class: 'measured' }, h('thead', {}, h('tr', {}, ['Sign', 'How often', 'First in', 'Write instead'].map((title) => h('th', { scope: 'col' }, title)))), body);
   const node = h('div', { class: 'panel' }, h('h2', {}, 'Signs that not every control takes'), h('div', { class: 'scroll', tabIndex: 0, role: 'region', 'aria-label': 'Table of signs' }, table), hint);
+  let count = 0;
   show(node, false);
   return {
     node,
     set(signs) {
       body.replaceChildren(...signs.map(({ sign, count, line, instead }) => h('tr', {}, h('td', {}, sign), h('td', {}, text.count(count)),
         h('td', {}, h('button', { class: 'link', onclick: () => goTo(line) }, `line ${text.count(line + 1)}`)), h('td', {}, instead ?? '–'))));
-      show(node, signs.length);
+      count = signs.length;
     },
-    /** The link that it would be sent to. */
+    /** Of a link that is chosen more is known. */
     update(link) {
-      show(hint, link?.plugin);
-      if (link?.plugin) say(command, `softplug check ${quoted(name.split('/').at(-1))} --plugin ${link.plugin.name}`);
+      show(node, count && !link?.plugin);
     },
   };
 }
-
-/** As a shell takes it for one word. */
-const quoted = (word) => (/^[A-Za-z0-9._/-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
 /** What was not understood, and what was taken for granted. */
 function remarks(goTo) {

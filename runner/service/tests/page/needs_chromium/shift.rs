@@ -186,7 +186,8 @@ fn swap_and_send_to_many(shop: &mut Shop) {
         shop.browser.until("document.querySelectorAll('.dense .row').length === 50");
         shop.click("[aria-label^='Choose all']", "");
         shop.pick("bulk-program", "O77.nc");
-        shop.browser.sees("begins at once");
+        shop.browser.sees("It passes as it is written to all 50 links.");
+        shop.browser.sees("begins at once; passes as it is written");
         shop.keep_picture("gateway-many");
         shop.click("button", "Send O77.nc to 50 links");
         shop.browser.sees("50 of 50 links ordered");

@@ -1,22 +1,16 @@
 //! `softplug check`: what a program cannot say on a line, before anything is sent.
 
-mod characters;
-mod fate;
-
+use std::io::Cursor;
 use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
 use softplug_abi::manifest::Manifest;
-use softplug_catalogue::{Machine, Notation};
 use softplug_gateway::pacer::default_depth;
 use softplug_gateway::port::line_text;
+use softplug_trial::{Altered, Budget, Setup, Trial};
 
-use self::characters::{Found, characters};
-use self::fate::{Fate, Probe};
-use super::send::{check_message, fields, job_kind, reason};
-use super::trial::{End, Trial, WAITS};
-use crate::dump::hex;
+use super::send::{fields, job_kind};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::Program;
@@ -88,46 +82,22 @@ pub(crate) fn run(mut arguments: Arguments, screen: &Screen) -> Result<Exit, Fai
     let line = arguments.link.line(manifest, &settings).line;
     let kind = job_kind(manifest)?;
     let records = fields(&manifest.jobs[usize::from(kind)], &arguments.fields)?;
-    let trial = Trial {
-        plugin: &plugin,
-        settings: &settings,
-        line,
+    let texts: Vec<_> = arguments.fields.iter().map(Assignment::as_pair).collect();
+    let setup = Setup {
         depth: arguments.link.depth.unwrap_or_else(|| default_depth(line.baud)),
         job_kind: kind,
-        fields: &records,
-        asked_fields: &arguments.fields,
-        check: manifest.needs.check_pass,
+        records: &records,
+        fields: &texts,
+        ..Setup::new(manifest, &settings, line)
     };
-    let name = program.name.clone();
-    let message = match trial.run(program)?.end {
-        Some(End::Done) => None,
-        Some(End::Failed(why, status)) => {
-            Some(format!("{name} cannot be sent: {}", reason(manifest, why, status)))
-        }
-        Some(End::CheckFailed(why, status, row, column)) => {
-            Some(check_message(manifest, &name, why, status, row, column))
-        }
-        None => {
-            return Err(Failure::new(Exit::Incomplete, WAITS));
-        }
-    };
-    let found = characters(&text);
-    let mut rows = Vec::new();
-    if let Some(probe) = Probe::new(&trial)? {
-        for found in &found {
-            let fate = probe.fate(found.written)?;
-            // What is refused in a small program and sent in this one stands in another place.
-            let is_sent = message.is_none() && matches!(fate, Fate::Refused(..));
-            rows.extend((!is_sent).then(|| row(found, &fate, manifest)).flatten());
-        }
-    }
-    let result = match (&message, rows.is_empty()) {
-        (Some(_), _) => "refused",
-        (None, true) => "passes",
-        (None, false) => "altered",
-    };
+    let trial = Trial::new(setup, || plugin.new_instance(), Budget::endless());
+    let name = &program.name;
+    let checked = trial.check(&mut Cursor::new(&text), text.len() as u64);
+    let checked = checked.map_err(|error| Failure::trial(error, name))?;
+    let rows: Vec<_> = checked.altered.iter().filter_map(|one| row(one, manifest)).collect();
+    let message = checked.refused.map(|refused| refused.message(manifest, name));
     screen.document(&Document {
-        result,
+        result: checked.result().name(),
         plugin: &manifest.name,
         line: line_text(&line),
         bytes: text.len() as u64,
@@ -135,7 +105,7 @@ pub(crate) fn run(mut arguments: Arguments, screen: &Screen) -> Result<Exit, Fai
         message: message.as_deref(),
     });
     let on = format!("with {} on {}", manifest.name, line_text(&line));
-    let all = numbers::things(found.len() as u64, "character");
+    let all = numbers::things(checked.characters, "character");
     if rows.is_empty() && message.is_none() {
         screen.say(format_args!("{name} passes as it is written {on}: {all} of its own"));
     } else if !rows.is_empty() {
@@ -143,9 +113,9 @@ pub(crate) fn run(mut arguments: Arguments, screen: &Screen) -> Result<Exit, Fai
         screen.say(format_args!("{name}: {count} of {all} do not pass as they are written {on}"));
         screen.say(table(&rows));
     }
-    if let Some(text) = arguments.link.machine.find()?.and_then(|machine| unnamed(&machine, &text))
-    {
-        screen.note(format_args!("{name} {text}"));
+    let machine = arguments.link.machine.find()?;
+    if let Some(remark) = machine.and_then(|machine| machine.remark_on_name(&text)) {
+        screen.note(format_args!("{name} {remark}"));
     }
     if let Some(message) = &message {
         screen.error(message);
@@ -154,45 +124,19 @@ pub(crate) fn run(mut arguments: Arguments, screen: &Screen) -> Result<Exit, Fai
     Ok(if is_bad { Exit::Failed } else { Exit::Done })
 }
 
-/// What is to be known of how the program says its name to this machine; None if all is well.
-fn unnamed(machine: &Machine, text: &[u8]) -> Option<String> {
-    let names = machine.names.as_ref()?;
-    let forms = || std::iter::once(&names.form).chain(&names.also);
-    // What does not stand in the text cannot be missed there.
-    if names.form.starts_with('{') {
-        return None;
-    }
-    let own = forms().filter_map(|form| form.parse::<Notation>().ok());
-    let Some(said) = own.into_iter().find_map(|notation| notation.read(text)) else {
-        return Some(format!("does not say its name as {} wants it: {}", machine.name, names.form));
-    };
-    let count = said.chars().filter(char::is_ascii_digit).count();
-    let digits = usize::from(names.digits.filter(|_| names.form.contains("{number}"))?);
-    let is_long = count > digits;
-    is_long
-        .then(|| format!("is called {said}, and a number has {digits} digits on {}", machine.name))
-}
-
-/// A character that does not pass; None if it does.
-fn row(found: &Found, fate: &Fate, manifest: &Manifest) -> Option<Row> {
-    let (fate, what) = match fate {
-        Fate::Passes => return None,
-        Fate::Dropped => ("dropped", "left out".to_owned()),
-        Fate::Replaced(text) if text == " " => ("replaced", "sent as a space".to_owned()),
-        Fate::Replaced(text) if text.trim().is_empty() => {
-            ("replaced", format!("sent as {} spaces", text.len()))
-        }
-        Fate::Replaced(text) => ("replaced", format!("sent as {text}")),
-        Fate::Foreign(bytes) => {
-            ("foreign", format!("sent as {}, which few controls know", hex(bytes)))
-        }
-        Fate::Cut => ("cut", "a character of this line has 7 bits: arrives as another".to_owned()),
-        Fate::Refused(None) => ("refused", WAITS.to_owned()),
-        Fate::Refused(Some((why, status))) => ("refused", reason(manifest, *why, *status)),
-    };
-    let Found { written, count, line, column } = *found;
-    let (character, bytes) = (written.shown(), hex(&written.bytes()));
-    Some(Row { character, bytes, count, line, column, fate, what, instead: written.instead() })
+/// As it is shown.
+fn row(altered: &Altered, manifest: &Manifest) -> Option<Row> {
+    let Altered { found, fate } = altered;
+    Some(Row {
+        character: found.written.shown(),
+        bytes: found.written.hex(),
+        count: found.count,
+        line: found.line,
+        column: found.column,
+        fate: fate.name()?,
+        what: fate.what(manifest),
+        instead: found.written.instead(),
+    })
 }
 
 fn table(rows: &[Row]) -> Table {

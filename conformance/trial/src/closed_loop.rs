@@ -12,7 +12,7 @@ use softplug_machines::{Partner, Signal};
 /// ```
 /// use softplug_abi::manifest::Manifest;
 /// use softplug_abi::Micros;
-/// use softplug_conformance::closed_loop::ClosedLoop;
+/// use softplug_trial::ClosedLoop;
 /// use softplug_machines::xon_xoff::{Control, ControlOptions};
 /// use softplug_link::{Job, LinkOptions, Recorder};
 /// use softplug_native::NativePlugin;

@@ -2,17 +2,32 @@
 //! itself, and what is on the wire is compared with that of others.
 
 use std::collections::HashMap;
+use std::error::Error;
+use std::io::Cursor;
 
-use softplug_abi::Failure as Why;
+use softplug_abi::manifest::Manifest;
+use softplug_abi::{Failure, Instance};
 
-use super::characters::Written;
-use crate::commands::trial::{End, Trial};
-use crate::failure::Failure;
-use crate::files::Program;
+use crate::characters::{Written, hex};
+use crate::error::TrialError;
+use crate::reason::{WAITS, reason};
+use crate::trial::{End, Keep, Trial};
 
 /// What becomes of a character.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_native::NativePlugin;
+/// use softplug_trial::Fate;
+///
+/// let manifest = Manifest::parse(NativePlugin::XonXoff.manifest().as_bytes())?;
+/// assert_eq!(Fate::Passes.name(), None);
+/// let fate = Fate::Replaced("A".to_owned());
+/// assert_eq!((fate.name(), fate.what(&manifest).as_str()), (Some("replaced"), "sent as A"));
+/// # Ok::<(), softplug_abi::manifest::ManifestError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub(super) enum Fate {
+pub enum Fate {
     /// It arrives.
     Passes,
     /// Nothing of it is sent.
@@ -23,16 +38,45 @@ pub(super) enum Fate {
     Foreign(Vec<u8>),
     /// It has more bits than a character of the line.
     Cut,
-    /// The plug-in fails the job; or it waits for something that only a real partner sends.
-    Refused(Option<Refusal>),
+    /// The plug-in fails the job, for this reason and with the protocol's own code of it; or, without
+    /// one, waits for something that only a real partner sends.
+    Refused(Option<(Failure, u16)>),
 }
 
-/// Why, and the protocol's own code of it.
-pub(super) type Refusal = (Why, u16);
+impl Fate {
+    /// Its name: `dropped`, `replaced`, `foreign`, `cut` or `refused`; `None` for what passes.
+    pub fn name(&self) -> Option<&'static str> {
+        Some(match self {
+            Self::Passes => return None,
+            Self::Dropped => "dropped",
+            Self::Replaced(_) => "replaced",
+            Self::Foreign(_) => "foreign",
+            Self::Cut => "cut",
+            Self::Refused(_) => "refused",
+        })
+    }
+
+    /// It for people, with the words of the plug-in's protocol.
+    pub fn what(&self, manifest: &Manifest) -> String {
+        match self {
+            Self::Passes => "sent as it is written".to_owned(),
+            Self::Dropped => "left out".to_owned(),
+            Self::Replaced(text) if text == " " => "sent as a space".to_owned(),
+            Self::Replaced(text) if text.trim().is_empty() => {
+                format!("sent as {} spaces", text.len())
+            }
+            Self::Replaced(text) => format!("sent as {text}"),
+            Self::Foreign(bytes) => format!("sent as {}, which few controls know", hex(bytes)),
+            Self::Cut => "a character of this line has 7 bits: arrives as another".to_owned(),
+            Self::Refused(None) => WAITS.to_owned(),
+            Self::Refused(Some((failure, status))) => reason(manifest, *failure, *status),
+        }
+    }
+}
 
 /// Finds out the fate of characters.
-pub(super) struct Probe<'a> {
-    trial: &'a Trial<'a>,
+pub(crate) struct Probe<'a, F> {
+    trial: &'a Trial<'a, F>,
     /// What is on the wire without the character.
     without: Vec<u8>,
     /// The characters that can be seen, by what is on the wire with each.
@@ -41,9 +85,17 @@ pub(super) struct Probe<'a> {
     is_plain: bool,
 }
 
-impl<'a> Probe<'a> {
+/// What is on the wire, or why it is refused.
+type Wire = Result<Vec<u8>, Option<(Failure, u16)>>;
+
+impl<'a, F, I, E> Probe<'a, F>
+where
+    F: Fn() -> Result<I, E>,
+    I: Instance,
+    E: Error + 'static,
+{
     /// None: the plug-in does not send a small program, so that nothing can be tried.
-    pub(super) fn new(trial: &'a Trial<'a>) -> Result<Option<Self>, Failure> {
+    pub(crate) fn new(trial: &'a Trial<'a, F>) -> Result<Option<Self>, TrialError<E, I::Fault>> {
         let Ok(without) = tried(trial, &[])? else { return Ok(None) };
         let mut seen: HashMap<_, Vec<char>> = HashMap::new();
         let mut is_plain = true;
@@ -57,7 +109,7 @@ impl<'a> Probe<'a> {
         Ok(Some(Self { trial, without, seen, is_plain }))
     }
 
-    pub(super) fn fate(&self, written: Written) -> Result<Fate, Failure> {
+    pub(crate) fn fate(&self, written: Written) -> Result<Fate, TrialError<E, I::Fault>> {
         // Ends of lines and of the tape are no characters that could be put anywhere.
         if matches!(written, Written::Character('\n' | '\r' | '%')) {
             return Ok(Fate::Passes);
@@ -79,11 +131,12 @@ impl<'a> Probe<'a> {
         if bytes.is_ascii() {
             return Ok(Fate::Passes);
         }
-        if self.trial.line.data_bits < 8 && sent.iter().any(|byte| *byte > 0x7F) {
+        if self.trial.setup.line.data_bits < 8 && sent.iter().any(|byte| *byte > 0x7F) {
             return Ok(Fate::Cut);
         }
-        // What comes behind it, such as a sum, may be another one for it.
-        let sent = if sent.starts_with(&bytes) { &bytes } else { sent };
+        // What stands around it, such as a length or a sum, may be another one for it.
+        let is_within = sent.windows(bytes.len()).any(|run| run == bytes);
+        let sent = if is_within { &bytes } else { sent };
         let text: String = sent.iter().map(|byte| char::from(byte & 0x7F)).collect();
         let is_text =
             self.is_plain && sent != bytes && text.chars().all(|c| (' '..='~').contains(&c));
@@ -101,13 +154,19 @@ impl<'a> Probe<'a> {
 }
 
 /// What is on the wire for a block with these bytes at its end, or why it is refused.
-fn tried(trial: &Trial<'_>, bytes: &[u8]) -> Result<Result<Vec<u8>, Option<Refusal>>, Failure> {
+fn tried<F, I, E>(trial: &Trial<'_, F>, bytes: &[u8]) -> Result<Wire, TrialError<E, I::Fault>>
+where
+    F: Fn() -> Result<I, E>,
+    I: Instance,
+    E: Error + 'static,
+{
     let text = [b"N1X1", bytes, b"\nM30\n"].concat();
-    let tried = trial.run(Program::of(&text)?)?;
+    let size = text.len() as u64;
+    let tried = trial.go(&mut Cursor::new(text), size, Keep::Wire)?;
     Ok(match tried.end {
         Some(End::Done) => Ok(tried.wire),
-        Some(End::Failed(why, status) | End::CheckFailed(why, status, ..)) => {
-            Err(Some((why, status)))
+        Some(End::Failed { failure, status } | End::CheckFailed { failure, status, .. }) => {
+            Err(Some((failure, status)))
         }
         None => Err(None),
     })
