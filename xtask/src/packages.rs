@@ -16,6 +16,7 @@ const LIBRARIES: &[&str] = &[
     "softplug-machines",
     "softplug-models",
     "softplug-trace",
+    "softplug-trial",
     "softplug-report",
     "softplug-explore",
     "softplug-conformance",

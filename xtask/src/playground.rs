@@ -33,6 +33,7 @@ const PROFILE: &[&str] = &[
     "package.softplug-machines.opt-level=1",
     "package.softplug-models.opt-level=1",
     "package.softplug-trace.opt-level=1",
+    "package.softplug-trial.opt-level=1",
     "package.wasmparser.opt-level=1",
 ];
 

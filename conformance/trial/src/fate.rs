@@ -134,9 +134,10 @@ where
         if self.trial.setup.line.data_bits < 8 && sent.iter().any(|byte| *byte > 0x7F) {
             return Ok(Fate::Cut);
         }
-        // What stands around it, such as a length or a sum, may be another one for it.
+        // What stands around it, such as a length or a sum, may be another one for it; and a protocol
+        // with a code of its own gives the other side what was written.
         let is_within = sent.windows(bytes.len()).any(|run| run == bytes);
-        let sent = if is_within { &bytes } else { sent };
+        let sent = if is_within || !self.is_plain { &bytes } else { sent };
         let text: String = sent.iter().map(|byte| char::from(byte & 0x7F)).collect();
         let is_text =
             self.is_plain && sent != bytes && text.chars().all(|c| (' '..='~').contains(&c));

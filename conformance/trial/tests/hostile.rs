@@ -174,9 +174,8 @@ fn breaking(
     actions: &mut ActionWriter<'_>,
 ) -> Result<(), NoSpace> {
     match event {
-        Event::JobBegin { job, .. } => actions.want(*job, 512),
         Event::JobData { .. } if data.contains(&b'!') => Err(NoSpace),
-        Event::JobData { job, .. } => actions.want(*job, 512),
+        Event::JobBegin { job, .. } | Event::JobData { job, .. } => actions.want(*job, 512),
         Event::JobEnd { job } => actions.push(&Action::JobDone { job: *job, sent: 0 }),
         _ => Ok(()),
     }
@@ -192,8 +191,7 @@ fn a_plug_in_that_breaks_is_no_refusal() {
 #[test]
 fn a_program_in_too_many_characters_is_not_tried() {
     let dropping: Act = |event, _, _, actions| match event {
-        Event::JobBegin { job, .. } => actions.want(*job, 512),
-        Event::JobData { job, .. } => actions.want(*job, 512),
+        Event::JobBegin { job, .. } | Event::JobData { job, .. } => actions.want(*job, 512),
         Event::JobEnd { job } => actions.push(&Action::JobDone { job: *job, sent: 0 }),
         _ => Ok(()),
     };

@@ -2,6 +2,7 @@
 //! its end, orderly or not.
 
 mod bombs;
+mod checks;
 mod full;
 mod lines;
 mod real_time;

@@ -7,7 +7,7 @@ import * as text from './text.js';
 
 /** So many checks are asked for at once. */
 const AT_ONCE = 2;
-/** So many answers are kept. */
+/** So many answers are kept that nobody wants at present. */
 const MOST_ANSWERS = 200;
 /** So many characters are named in a sentence. */
 const NAMED = 4;
@@ -21,9 +21,13 @@ function keyOf(link, program, own) {
   return JSON.stringify([program, known?.changed_ms, known?.bytes, link.plugin?.digest, link.settings, link.port.line, own ? link.name : null]);
 }
 
-function keep(key, answer) {
+/** What is wanted stays, or it would be asked for again and again. */
+function keep(key, answer, wanted) {
   answers.set(key, answer);
-  if (answers.size > MOST_ANSWERS) answers.delete(answers.keys().next().value);
+  for (const old of answers.keys()) {
+    if (answers.size <= MOST_ANSWERS) return;
+    if (!wanted.has(old)) answers.delete(old);
+  }
 }
 
 /** Asks for checks; `told` is called when there is an answer. Links that are alike are asked for once, unless `own` says otherwise. */
@@ -54,12 +58,12 @@ export function asker(told, own = () => true) {
   async function ask(key, link, program, signal) {
     const path = `/links/${api.part(link)}/check?program=${api.part(program)}`;
     try {
-      keep(key, { view: await api.get(path, signal) });
+      keep(key, { view: await api.get(path, signal) }, wanted);
     } catch (error) {
       if (signal.aborted) return;
       // The gateway has enough of us, or is not there: a moment later.
       if (!(error instanceof api.Refused) || [429, 503].includes(error.status)) await new Promise((go) => setTimeout(go, 1000));
-      else keep(key, { error: error.message });
+      else keep(key, { error: error.message }, wanted);
     }
   }
 
@@ -156,5 +160,5 @@ function sentence(link, program, answer) {
   if (result === 'refused') return `${link.name} refuses it ${way}: ${message}.`;
   if (result === 'passes') return `${program} passes as it is written to ${link.name}, ${way}.`;
   const verb = altered.length === 1 ? 'does' : 'do';
-  return `${program} is sent to ${link.name}, but ${text.count(altered.length)} of its ${text.count(different)} different characters ${verb} not arrive as written, ${way}.`;
+  return `${program} can be sent to ${link.name}, but ${text.count(altered.length)} of its ${text.count(different)} different characters ${verb} not arrive as written, ${way}.`;
 }

@@ -114,11 +114,11 @@ export function page(name) {
     h('p', { class: 'back' }, h('a', { href: '#/programs' }, '← All programs')), h('h1', {}, name), wrong,
     h('div', { class: 'panel' }, facts, status, h('div', { class: 'buttons' }, sendTo.node,
       h('button', { class: 'quiet', onclick: () => act(() => api.save(path, name.split('/').at(-1))) }, 'Save'))),
-    runs.node,
+    arrives.node, runs.node,
     h('div', { class: 'columns' },
       h('div', { class: 'panel' }, h('h2', {}, 'Text'), find.node, list.node),
       h('div', { class: 'panel' }, h('h2', {}, 'Tool path'), picture.node, how.node)),
-    arrives.node, odd.node, heard.node);
+    odd.node, heard.node);
   again();
   return {
     node,

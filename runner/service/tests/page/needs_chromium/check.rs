@@ -35,7 +35,7 @@ fn bench() -> Bench {
 
 fn open(bench: &Bench, token: &str, page: &str) -> Browser {
     let mut browser = Browser::open();
-    browser.size(1280, 1300);
+    browser.size(1280, 900);
     browser.go(&bench.url(&format!("/#/{page}")));
     browser.until("document.activeElement?.name === 'token'");
     browser.type_text(token);
