@@ -26,10 +26,12 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod block_room;
 mod cover;
 mod demands;
 mod dice;
 mod drive;
+mod expected;
 mod fanuc_rs232;
 mod fanuc_rs232_remote;
 mod heidenhain_fe;

@@ -4,7 +4,9 @@
 use crate::dice::Dice;
 use crate::settings::Settings;
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Failure, LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines};
+use softplug_abi::{
+    Failure, LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines, Parity,
+};
 use softplug_link::Observed;
 
 /// An executable specification of one profile: slow and obvious.
@@ -297,6 +299,16 @@ pub struct Conditions {
     pub long: Option<u64>,
     /// The session is about nothing in particular: all that a line brings.
     pub is_usual: bool,
+}
+
+/// A line, for tables of them.
+pub(crate) const fn line(
+    baud: u32,
+    data_bits: u8,
+    parity: Parity,
+    stop_half_bits: u8,
+) -> LineParameters {
+    LineParameters { baud, data_bits, parity, stop_half_bits }
 }
 
 /// A preset's name, and the settings that it sets.

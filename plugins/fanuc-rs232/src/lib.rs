@@ -98,7 +98,6 @@ impl Converter for FanucRs232 {
         } else {
             self.kept.punch.flow.set_marks(opening.delivery_room);
         }
-        self.after(link);
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
@@ -110,7 +109,7 @@ impl Converter for FanucRs232 {
             rest = after;
         }
         self.unread.keep(link, rest);
-        self.after_bytes(link);
+        self.kept.punch.after_bytes(link, &self.settings);
     }
 
     fn more(&mut self, link: &mut Context<'_>) {
@@ -138,7 +137,7 @@ impl Converter for FanucRs232 {
         } else {
             self.kept.punch.line_error(link, &self.settings, kind, byte);
         }
-        self.after_bytes(link);
+        self.kept.punch.after_bytes(link, &self.settings);
     }
 
     fn modem_lines(&mut self, link: &mut Context<'_>, known: ModemLines, on: ModemLines) {
@@ -149,7 +148,6 @@ impl Converter for FanucRs232 {
             self.kept.feed.lost(link, Failure::PartnerGone);
             self.kept.remote_buffer.lost(link, Failure::PartnerGone);
             self.kept.punch.finish(link, &self.settings, Some(Failure::PartnerGone));
-            self.after(link);
         }
     }
 
@@ -159,13 +157,11 @@ impl Converter for FanucRs232 {
             self.kept.remote_buffer.link_down(link);
         }
         self.kept.punch.finish(link, &self.settings, Some(Failure::LinkDown));
-        self.after(link);
     }
 
     fn link_up(&mut self, link: &mut Context<'_>) {
         self.kept.punch.flow.let_go(link, &self.settings);
         self.kept.punch.hear();
-        self.after(link);
     }
 
     fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
@@ -174,7 +170,6 @@ impl Converter for FanucRs232 {
             PACKET => self.kept.remote_buffer.timer(link, &self.settings, &self.kept.feed.encoder),
             _ => self.kept.feed.timer(link),
         }
-        self.after(link);
     }
 
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
@@ -184,7 +179,6 @@ impl Converter for FanucRs232 {
         } else {
             self.kept.feed.mark(link, &self.settings, mark, state);
         }
-        self.after(link);
     }
 
     fn transmit_room(&mut self, link: &mut Context<'_>) {
@@ -194,12 +188,10 @@ impl Converter for FanucRs232 {
     fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
         self.kept.remote_buffer.discarded(link, bytes);
         self.kept.feed.discarded(link, &self.settings, bytes);
-        self.after(link);
     }
 
     fn delivery_room(&mut self, link: &mut Context<'_>) {
         self.kept.punch.drained(link, &self.settings);
-        self.after(link);
     }
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
@@ -214,7 +206,6 @@ impl Converter for FanucRs232 {
         } else {
             self.kept.feed.job_begin(link, &self.settings, &job);
         }
-        self.after(link);
     }
 
     fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
@@ -228,7 +219,6 @@ impl Converter for FanucRs232 {
         } else {
             self.kept.feed.job_data(link, &self.settings, bytes);
         }
-        self.after(link);
     }
 
     fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
@@ -237,7 +227,6 @@ impl Converter for FanucRs232 {
         } else {
             self.kept.feed.job_end(link, &self.settings);
         }
-        self.after(link);
     }
 
     fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
@@ -255,7 +244,6 @@ impl Converter for FanucRs232 {
             self.kept.remote_buffer.fail(link, Failure::Aborted);
             self.kept.feed.stop(link, Failure::Aborted);
         }
-        self.after(link);
     }
 
     fn force_resume(&mut self, link: &mut Context<'_>) {
@@ -264,7 +252,6 @@ impl Converter for FanucRs232 {
             self.kept.punch.finish(link, &self.settings, None);
         }
         self.kept.feed.force_resume(link, &self.settings);
-        self.after(link);
     }
 
     fn answer(
@@ -275,6 +262,20 @@ impl Converter for FanucRs232 {
         more: bool,
     ) {
         self.kept.punch.requests.answered(link, answer.err(), more);
+    }
+
+    fn after(&mut self, link: &mut Context<'_>) {
+        let is_sending = self.kept.feed.is_sending();
+        if core::mem::replace(&mut self.was_sending, is_sending) && !is_sending {
+            self.kept.punch.deafen(link, &self.settings);
+        }
+        let state =
+            self.kept.punch.state().or(self.kept.feed.state()).or(self.kept.remote_buffer.state());
+        let state = state.unwrap_or(State::Idle);
+        if self.named != Some(state) {
+            self.named = Some(state);
+            link.state(state.name());
+        }
     }
 
     fn save(&self, state: &mut StateWriter<'_>) {
@@ -330,31 +331,10 @@ impl FanucRs232 {
         }
     }
 
-    fn after_bytes(&mut self, link: &mut Context<'_>) {
-        self.kept.punch.after_bytes(link, &self.settings);
-        self.after(link);
-    }
-
     #[inline(never)]
     fn set_paused(&mut self, link: &mut Context<'_>, is_paused: bool) {
         self.kept.feed.set_paused(link, is_paused);
         self.kept.remote_buffer.set_paused(is_paused);
-        self.after(link);
-    }
-
-    /// After each event.
-    fn after(&mut self, link: &mut Context<'_>) {
-        let is_sending = self.kept.feed.is_sending();
-        if core::mem::replace(&mut self.was_sending, is_sending) && !is_sending {
-            self.kept.punch.deafen(link, &self.settings);
-        }
-        let state =
-            self.kept.punch.state().or(self.kept.feed.state()).or(self.kept.remote_buffer.state());
-        let state = state.unwrap_or(State::Idle);
-        if self.named != Some(state) {
-            self.named = Some(state);
-            link.state(state.name());
-        }
     }
 }
 

@@ -152,7 +152,6 @@ impl Machine {
             }
         }
         self.name(link);
-        self.finish(link);
     }
 
     pub(crate) fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
@@ -164,7 +163,6 @@ impl Machine {
             rest = after;
         }
         self.unread.keep(link, rest);
-        self.finish(link);
     }
 
     /// Goes on with what the output had no space for.
@@ -191,7 +189,7 @@ impl Machine {
         } else {
             self.warn(link, DAMAGED.status());
         }
-        self.settle(link);
+        self.begin_block(link);
     }
 
     /// One character: `good` if it is undamaged, `raw` as it was read.
@@ -259,7 +257,7 @@ impl Machine {
             Some(Timer::Request) => self.answer_late(link),
             None => {}
         }
-        self.settle(link);
+        self.begin_block(link);
     }
 
     /// The wait of this phase is over.
@@ -316,7 +314,6 @@ impl Machine {
             }
             _ => {}
         }
-        self.finish(link);
     }
 
     pub(crate) fn link_down(&mut self, link: &mut Context<'_>) {
@@ -327,7 +324,6 @@ impl Machine {
         self.idle();
         self.fail_job(link, LINK_DOWN);
         self.rk512.forget_partner(link);
-        self.finish(link);
     }
 
     /// BREAK leads to idle from every state.
@@ -367,13 +363,6 @@ impl Machine {
     #[inline(never)]
     pub(crate) fn wait(&mut self, link: &Context<'_>, millis: i64) {
         self.deadline = after(link, millis);
-    }
-
-    /// What an event ends with that may have made the line idle, or a block ready.
-    #[inline(never)]
-    pub(crate) fn settle(&mut self, link: &mut Context<'_>) {
-        self.begin_block(link);
-        self.finish(link);
     }
 
     /// What each event ends with: the rest of the output, the mark, the timers.

@@ -97,10 +97,6 @@ impl<V: Variant> Converter for Procedure<V> {
         self.machine.mark(link, mark, state);
     }
 
-    fn transmit_room(&mut self, link: &mut Context<'_>) {
-        self.machine.finish(link);
-    }
-
     fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
         self.machine.discarded(link, bytes);
     }
@@ -141,6 +137,10 @@ impl<V: Variant> Converter for Procedure<V> {
 
     fn more(&mut self, link: &mut Context<'_>) {
         self.machine.more(link);
+    }
+
+    fn after(&mut self, link: &mut Context<'_>) {
+        self.machine.finish(link);
     }
 
     state_format!(2);

@@ -97,12 +97,12 @@ impl Machine {
         if let Err(cause) = taken {
             self.job.failed(link, cause);
         }
-        self.settle(link);
+        self.begin_block(link);
     }
 
     pub(crate) fn set_paused(&mut self, link: &mut Context<'_>, paused: bool) {
         self.job.paused = paused;
-        self.settle(link);
+        self.begin_block(link);
     }
 
     /// Aborts the job. Only a reception that it waits for goes on undisturbed.
@@ -125,7 +125,7 @@ impl Machine {
             }
             self.fail_job(link, ABORTED);
         }
-        self.settle(link);
+        self.begin_block(link);
     }
 
     /// The job fails, if there is one: at once, or when it is known how much
@@ -204,7 +204,7 @@ impl Machine {
         if let Some(cause) = self.job.failing.0 {
             self.job.failed(link, cause);
         }
-        self.settle(link);
+        self.begin_block(link);
     }
 
     /// Sends a control character. Where it cannot be queued at once it waits.

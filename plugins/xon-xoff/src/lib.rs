@@ -62,6 +62,7 @@ impl Converter for XonXoff {
         }
     }
 
+    #[inline]
     fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
         self.receiver.timers.hear(link, event);
     }
@@ -77,7 +78,6 @@ impl Converter for XonXoff {
                 self.receiver.say(link, &self.codes);
             }
         }
-        self.name_state(link);
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
@@ -97,7 +97,6 @@ impl Converter for XonXoff {
         }
         self.sender.has_heard(link, held_until);
         self.receiver.after_bytes(link, &self.settings, &self.codes);
-        self.name_state_here(link);
     }
 
     fn line_error(
@@ -114,19 +113,16 @@ impl Converter for XonXoff {
             self.receiver.damaged(link, &self.settings, kind, byte);
             self.receiver.after_bytes(link, &self.settings, &self.codes);
         }
-        self.name_state(link);
     }
 
     fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
         self.sender.stop(link, Failure::LinkDown);
         self.receiver.end(link, Some(Failure::LinkDown));
-        self.name_state(link);
     }
 
     fn link_up(&mut self, link: &mut Context<'_>) {
         self.sender.released(link);
         self.receiver.let_go(link, &self.codes);
-        self.name_state(link);
     }
 
     fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
@@ -135,17 +131,15 @@ impl Converter for XonXoff {
             Some(Timer::RepeatXon) => self.receiver.repeat_xon(link, &self.settings, &self.codes),
             None => self.sender.stop(link, Failure::HeldTooLong),
         }
-        self.name_state(link);
     }
 
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
         if state == MarkState::SurelyLeft {
             if mark == receiver::OUR_CONTROL {
                 self.receiver.left(link, &self.codes);
-                return;
+            } else {
+                self.sender.left(link, mark);
             }
-            self.sender.left(link, mark);
-            self.name_state(link);
         }
     }
 
@@ -155,17 +149,14 @@ impl Converter for XonXoff {
 
     fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
         self.sender.discarded(link, &self.settings, bytes);
-        self.name_state(link);
     }
 
     fn delivery_room(&mut self, link: &mut Context<'_>) {
         self.receiver.drained(link, &self.settings, &self.codes);
-        self.name_state(link);
     }
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
         self.sender.begin(link, &self.settings, &job);
-        self.name_state(link);
     }
 
     fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
@@ -178,12 +169,10 @@ impl Converter for XonXoff {
 
     fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
         self.sender.set_paused(link, true);
-        self.name_state(link);
     }
 
     fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
         self.sender.set_paused(link, false);
-        self.name_state(link);
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: u32) {
@@ -192,12 +181,18 @@ impl Converter for XonXoff {
         } else {
             self.sender.stop(link, Failure::Aborted);
         }
-        self.name_state(link);
     }
 
     fn force_resume(&mut self, link: &mut Context<'_>) {
         self.sender.forget_hold(link);
-        self.name_state(link);
+    }
+
+    #[inline]
+    fn after(&mut self, link: &mut Context<'_>) {
+        let name = self.sender.state().unwrap_or_else(|| self.receiver.state());
+        if self.named != Some(name) {
+            self.name(link, name);
+        }
     }
 
     state_format!(1);
@@ -207,20 +202,6 @@ impl XonXoff {
     /// Whether what comes while we send is only an echo.
     fn ignores_data(&self) -> bool {
         self.settings.while_sending == WhileSending::Ignore && self.sender.is_sending()
-    }
-
-    #[inline(never)]
-    fn name_state(&mut self, link: &mut Context<'_>) {
-        self.name_state_here(link);
-    }
-
-    /// Without a call, for the most frequent event.
-    #[inline(always)]
-    fn name_state_here(&mut self, link: &mut Context<'_>) {
-        let name = self.sender.state().unwrap_or_else(|| self.receiver.state());
-        if self.named != Some(name) {
-            self.name(link, name);
-        }
     }
 
     #[cold]

@@ -61,7 +61,7 @@ impl Fe {
         self.jobs = id;
         if self.job.is_some() {
             let busy = Effect::Failed { job: id, failure: Failure::Busy, status: 0, sent: 0 };
-            return self.expect("heidenhain-fe.tx.one-job", busy);
+            return self.expected.expect("heidenhain-fe.tx.one-job", busy);
         }
         let checked =
             |failure, line, column| Effect::Checked { job: id, failure, status: 0, line, column };
@@ -69,10 +69,10 @@ impl Fe {
             Ok(lines) => lines,
             Err(fault) => {
                 let bad = checked(Some(fault.failure), fault.line, fault.column);
-                return self.expect("heidenhain-fe.tx.check", bad);
+                return self.expected.expect("heidenhain-fe.tx.check", bad);
             }
         };
-        self.expect("heidenhain-fe.tx.check", checked(None, 0, 0));
+        self.expected.expect("heidenhain-fe.tx.check", checked(None, 0, 0));
         let named = fields.iter().find(|(name, _)| name == "name");
         let name = named.map(|(_, value)| value.as_bytes().to_vec());
         let until = self.rules.request_time.map(|time| self.now + time);

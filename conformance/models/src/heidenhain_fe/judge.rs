@@ -4,34 +4,10 @@ use super::{Fe, State};
 use crate::model::{Broken, Effect};
 use softplug_abi::Failure;
 
-/// Something that has to happen at this instant.
-#[derive(Clone, Debug)]
-pub(super) struct Expected {
-    clause: &'static str,
-    effect: Effect,
-}
-
 impl Fe {
-    /// This has to happen before the instant is over, in any order.
-    pub(super) fn expect(&mut self, clause: &'static str, effect: Effect) {
-        self.expected.push(Expected { clause, effect });
-    }
-
     /// Something was seen that is no byte.
     pub(super) fn sees(&mut self, effect: &Effect) -> Result<(), Broken> {
-        match self.expected.iter().position(|expected| is_same(&expected.effect, effect)) {
-            Some(place) => {
-                self.expected.remove(place);
-                Ok(())
-            }
-            None => Err(self.unexpected(effect)),
-        }
-    }
-
-    /// The instant is over: something that had to come may have been missed.
-    pub(super) fn misses(&self) -> Result<(), Broken> {
-        let Some(Expected { clause, effect }) = self.expected.first() else { return Ok(()) };
-        Err(Broken::new(clause, format!("{effect:?} had to come")))
+        if self.expected.sees(effect) { Ok(()) } else { Err(self.unexpected(effect)) }
     }
 
     /// A character of ours begins.
@@ -83,33 +59,6 @@ impl Fe {
                 "heidenhain-fe.line.noise"
             }
         };
-        let expected: Vec<_> = self.expected.iter().map(|expected| &expected.effect).collect();
-        Broken::new(clause, format!("{effect:?} came, expected was {expected:?}"))
-    }
-}
-
-/// Whether what was seen is what was expected. A name without characters is the same
-/// as none. What has left for a job that the end of the link has interrupted is not
-/// always known: it may be told to be nothing.
-fn is_same(expected: &Effect, seen: &Effect) -> bool {
-    match (expected, seen) {
-        (
-            Effect::Delivered { id, bytes, name, failure, status },
-            Effect::Delivered {
-                id: id2,
-                bytes: bytes2,
-                name: name2,
-                failure: failure2,
-                status: status2,
-            },
-        ) => {
-            let names = [name, name2].map(|name| name.as_deref().unwrap_or_default());
-            (id, bytes, failure, status) == (id2, bytes2, failure2, status2) && names[0] == names[1]
-        }
-        (
-            Effect::Failed { job, failure: Failure::Interrupted, .. },
-            Effect::Failed { job: job2, failure: Failure::Interrupted, status: 0, sent: 0 },
-        ) => job == job2,
-        _ => expected == seen,
+        self.expected.broken(clause, effect)
     }
 }

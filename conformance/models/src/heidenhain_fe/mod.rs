@@ -24,15 +24,17 @@ mod text;
 mod times;
 
 use crate::dice::Dice;
-use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Profile, Proposal};
+use crate::expected::Expected;
+use crate::model::{
+    Broken, Conditions, Effect, HostRequest, LineInput, Model, Profile, Proposal, line,
+};
 use crate::out::Out;
 use frame::{ACK, DC1, DC3, EOT, ETB, ETX, Frame, NAK, SOH, STX};
-use judge::Expected;
 use receive::Reception;
 use room::Room;
 use rules::{Rules, even};
 use send::{Job, Sending};
-use softplug_abi::{LineParameters, Micros, ModemLines, Parity};
+use softplug_abi::{Micros, ModemLines, Parity};
 use std::cell::Cell;
 
 /// The most bytes that the name of a delivery has.
@@ -120,10 +122,6 @@ pub(crate) const PROFILE: Profile = Profile {
     start: |conditions| Some(Box::new(Fe::new(conditions)?)),
 };
 
-const fn line(baud: u32, data_bits: u8, parity: Parity, stop_half_bits: u8) -> LineParameters {
-    LineParameters { baud, data_bits, parity, stop_half_bits }
-}
-
 /// Where the transfer stands, in the page's words.
 #[derive(Clone, Debug)]
 enum State {
@@ -156,7 +154,7 @@ struct Fe {
     state: State,
     /// It waits, or is being sent.
     job: Option<Job>,
-    expected: Vec<Expected>,
+    expected: Expected,
     is_open: bool,
     is_down: bool,
     is_held: bool,
@@ -239,7 +237,7 @@ impl Model for Fe {
         if self.is_blind {
             return Ok(());
         }
-        self.misses()?;
+        self.expected.missed()?;
         self.out.settled()
     }
 
@@ -268,7 +266,7 @@ impl Fe {
             frame: None,
             state: State::Idle,
             job: None,
-            expected: Vec::new(),
+            expected: Expected::default(),
             is_open: false,
             is_down: false,
             is_held: false,

@@ -154,6 +154,7 @@ impl Fe {
         };
         let Reception { name, bytes, .. } = reception;
         let id = self.deliveries;
-        self.expect(clause, Effect::Delivered { id, bytes, name: Some(name), failure, status: 0 });
+        self.expected
+            .expect(clause, Effect::Delivered { id, bytes, name: Some(name), failure, status: 0 });
     }
 }

@@ -77,7 +77,7 @@ impl Fe {
             kind: "program".to_owned(),
             fields: vec![field("name", name), field("kind", &[kind])],
         };
-        self.expect("heidenhain-fe.tx.ask-host", requested);
+        self.expected.expect("heidenhain-fe.tx.ask-host", requested);
     }
 
     /// The job that waits goes to who asked for this name, or EOT does.
@@ -147,7 +147,8 @@ impl Fe {
                 let sent = sending.queued;
                 self.state = State::Idle;
                 if let Some(job) = self.job.take() {
-                    self.expect("heidenhain-fe.tx.end", Effect::Done { job: job.id, sent });
+                    self.expected
+                        .expect("heidenhain-fe.tx.end", Effect::Done { job: job.id, sent });
                 }
             }
             _ => {}
@@ -164,13 +165,13 @@ impl Fe {
             sent = sending.queued.saturating_sub(self.out.discard());
             self.state = State::Idle;
         }
-        self.expect(clause, Effect::Failed { job: job.id, failure, status: 0, sent });
+        self.expected.expect(clause, Effect::Failed { job: job.id, failure, status: 0, sent });
     }
 
     /// The control no longer wants what it has asked for.
     pub(super) fn take_back(&mut self, clause: &'static str) {
         if let State::Asking { request, .. } = self.state {
-            self.expect(clause, Effect::Withdrawn(request));
+            self.expected.expect(clause, Effect::Withdrawn(request));
         }
         self.state = State::Idle;
     }

@@ -34,11 +34,11 @@ impl Kermit {
             HostRequest::Answer(id, answer) => {
                 self.is_answered_by_host(*id, answer.as_ref().err().copied());
             }
-            HostRequest::Keep => self.room.keeps = true,
+            HostRequest::Keep => self.room.keep(),
             HostRequest::PutAway(bytes) => {
-                self.room.kept = self.room.kept.saturating_sub(*bytes as usize);
+                self.room.put_away(*bytes);
             }
-            HostRequest::PutAllAway => (self.room.keeps, self.room.kept) = (false, 0),
+            HostRequest::PutAllAway => self.room.put_all_away(),
         }
     }
 
@@ -61,13 +61,13 @@ impl Kermit {
         self.jobs = id;
         let refused = |failure| Effect::Failed { job: id, failure, status: 0, sent: 0 };
         if self.job.is_some() {
-            return self.expect("kermit.tx.one-job", refused(Failure::Busy));
+            return self.expected.expect("kermit.tx.one-job", refused(Failure::Busy));
         }
         let name = fields.iter().find(|(field, _)| field == "name");
         let name = name.map_or("PROGRAM", |(_, name)| name.as_str());
         let is_printable = name.bytes().all(|byte| (32..127).contains(&byte));
         if !is_printable || name.is_empty() || name.len() > 64 {
-            return self.expect("kermit.tx.name", refused(Failure::BadJob));
+            return self.expected.expect("kermit.tx.name", refused(Failure::BadJob));
         }
         let mut sent = Vec::new();
         for (place, byte) in data.iter().enumerate() {

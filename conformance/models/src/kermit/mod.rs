@@ -21,16 +21,17 @@ mod receive;
 mod rules;
 mod send;
 
+use crate::block_room::BlockRoom;
 use crate::dice::Dice;
-use crate::model::{Broken, Conditions, Effect, LineInput, Model, Profile, Proposal};
+use crate::expected::Expected;
+use crate::model::{Broken, Conditions, Effect, LineInput, Model, Profile, Proposal, line};
 use crate::out::Out;
 use agree::Agreed;
-use judge::Expected;
 use packet::{CR, Heard, SOH, heard};
 use receive::File;
 use rules::Rules;
 use send::{Job, Sending};
-use softplug_abi::{Failure, LineParameters, Micros, ModemLines, Parity};
+use softplug_abi::{Failure, Micros, ModemLines, Parity};
 
 pub(crate) const PROFILE: Profile = Profile {
     name: "kermit",
@@ -135,10 +136,6 @@ pub(crate) const PROFILE: Profile = Profile {
     start: |conditions| Some(Box::new(Kermit::new(conditions))),
 };
 
-const fn line(baud: u32, data_bits: u8, parity: Parity, stop_half_bits: u8) -> LineParameters {
-    LineParameters { baud, data_bits, parity, stop_half_bits }
-}
-
 /// Where the transfer stands, in the page's words.
 #[derive(Clone, Debug)]
 enum State {
@@ -159,23 +156,6 @@ struct Hearing {
     is_bad: bool,
 }
 
-/// The host's room for deliveries.
-#[derive(Clone, Debug)]
-struct Room {
-    capacity: usize,
-    /// Delivered, and not put away.
-    kept: usize,
-    /// Delivered at this instant: that it was put away is told when the event is over.
-    fresh: usize,
-    keeps: bool,
-}
-
-impl Room {
-    fn free(&self) -> usize {
-        self.capacity.saturating_sub(self.kept)
-    }
-}
-
 /// Our side of Kermit.
 #[derive(Clone, Debug)]
 struct Kermit {
@@ -183,7 +163,7 @@ struct Kermit {
     /// The time of the latest call.
     now: Micros,
     out: Out,
-    room: Room,
+    room: BlockRoom,
     state: State,
     agreed: Agreed,
     hearing: Option<Hearing>,
@@ -202,7 +182,7 @@ struct Kermit {
     requests: u32,
     /// Until when a program that was granted must come.
     granted: Option<Micros>,
-    expected: Vec<Expected>,
+    expected: Expected,
     is_open: bool,
     is_down: bool,
     /// A packet has filled the room at this instant: what comes with it may be passed over.
@@ -257,7 +237,7 @@ impl Model for Kermit {
 
     fn due(&mut self, at: Micros) {
         self.now = at;
-        self.room.fresh = 0;
+        self.room.settle();
         while let Some(deadline) = self.deadline().filter(|deadline| *deadline <= at) {
             self.runs_out(deadline);
         }
@@ -280,11 +260,11 @@ impl Model for Kermit {
     }
 
     fn settled(&mut self, _at: Micros) -> Result<(), Broken> {
-        self.room.fresh = 0;
+        self.room.settle();
         if self.is_blind {
             return Ok(());
         }
-        self.misses()?;
+        self.expected.missed()?;
         self.out.settled()
     }
 
@@ -299,12 +279,11 @@ impl Model for Kermit {
 
 impl Kermit {
     fn new(conditions: &Conditions) -> Self {
-        let capacity = conditions.delivery_room as usize;
         Self {
             rules: Rules::new(conditions),
             now: Micros::ZERO,
             out: Out::new(conditions.depth, "kermit.rx.idle"),
-            room: Room { capacity, kept: 0, fresh: 0, keeps: false },
+            room: BlockRoom::new(conditions.delivery_room),
             state: State::Idle,
             agreed: Agreed::nothing(),
             hearing: None,
@@ -318,7 +297,7 @@ impl Kermit {
             request: None,
             requests: 0,
             granted: None,
-            expected: Vec::new(),
+            expected: Expected::default(),
             is_open: false,
             is_down: false,
             full_at: None,

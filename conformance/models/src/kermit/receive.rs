@@ -148,15 +148,10 @@ impl Kermit {
 
     /// Whether so many bytes find room. With all that is put away at once they do.
     fn takes_room(&mut self, bytes: usize) -> bool {
-        self.room.fresh += bytes;
-        if self.room.fresh > self.room.capacity {
+        let is_sure = self.room.take(bytes);
+        if self.room.is_over() {
             self.full_at = Some(self.now);
         }
-        if !self.room.keeps {
-            return true;
-        }
-        let is_sure = bytes + self.room.capacity / 8 <= self.room.free();
-        self.room.kept += bytes;
         is_sure
     }
 
@@ -201,7 +196,7 @@ impl Kermit {
         let bytes = file.delivered(self.rules.is_text, failure.is_none());
         let name = Some(file.name).filter(|name| !name.is_empty());
         let id = self.deliveries;
-        self.expect(clause, Effect::Delivered { id, bytes, name, failure, status: 0 });
+        self.expected.expect(clause, Effect::Delivered { id, bytes, name, failure, status: 0 });
     }
 
     /// Something has come behind the end of the file.
@@ -244,7 +239,7 @@ impl Kermit {
         let id = self.requests;
         self.request = Some(id);
         let fields = vec![("name".to_owned(), name)];
-        self.expect(CLAUSE, Effect::Requested { id, kind: "program".to_owned(), fields });
+        self.expected.expect(CLAUSE, Effect::Requested { id, kind: "program".to_owned(), fields });
     }
 
     pub(super) fn is_answered_by_host(&mut self, id: u32, answer: Option<Failure>) {
@@ -263,7 +258,7 @@ impl Kermit {
 
     pub(super) fn withdraws(&mut self, clause: &'static str) {
         if let Some(id) = self.request.take() {
-            self.expect(clause, Effect::Withdrawn(id));
+            self.expected.expect(clause, Effect::Withdrawn(id));
         }
     }
 }

@@ -228,7 +228,7 @@ impl Kermit {
             } else {
                 Effect::Failed { job, failure: Failure::Refused, status: 0, sent }
             };
-            self.expect("kermit.tx.confirmed", effect);
+            self.expected.expect("kermit.tx.confirmed", effect);
         }
         self.rests();
     }
@@ -253,7 +253,7 @@ impl Kermit {
             } else {
                 Effect::Failed { job, failure, status: 0, sent }
             };
-            self.expect(clause, effect);
+            self.expected.expect(clause, effect);
         }
         let text = match failure {
             Failure::Refused | Failure::LinkDown | Failure::Interrupted => "",
@@ -274,7 +274,7 @@ impl Kermit {
     pub(super) fn drops_job(&mut self, failure: Failure, clause: &'static str) {
         let Some(job) = self.job.take() else { return };
         let sent = job.queued;
-        self.expect(clause, Effect::Failed { job: job.id, failure, status: 0, sent });
+        self.expected.expect(clause, Effect::Failed { job: job.id, failure, status: 0, sent });
     }
 
     /// A character of ours has left.

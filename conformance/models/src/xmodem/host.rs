@@ -24,15 +24,15 @@ impl Xmodem {
                 self.aborts_job();
             }
             HostRequest::Abort(_) | HostRequest::ForceResume | HostRequest::Answer(..) => {}
-            HostRequest::Keep => self.room.keeps = true,
+            HostRequest::Keep => self.room.keep(),
             HostRequest::PutAway(bytes) => {
                 // When the plug-in is told of its first room is the host's matter.
                 self.is_blind |= !self.has_place;
-                self.room.kept = self.room.kept.saturating_sub(*bytes as usize);
+                self.room.put_away(*bytes);
             }
             HostRequest::PutAllAway => {
                 self.is_blind |= !self.has_place;
-                (self.room.keeps, self.room.kept) = (false, 0);
+                self.room.put_all_away();
             }
         }
     }
@@ -65,10 +65,10 @@ impl Xmodem {
         self.jobs = id;
         let refused = |failure| Effect::Failed { job: id, failure, status: 0, sent: 0 };
         if self.job.is_some() {
-            return self.expect("xmodem.tx.one-job", refused(Failure::Busy));
+            return self.expected.expect("xmodem.tx.one-job", refused(Failure::Busy));
         }
         if !self.rules.is_wide() {
-            return self.expect("xmodem.line.eight-bits", refused(Failure::NotSupported));
+            return self.expected.expect("xmodem.line.eight-bits", refused(Failure::NotSupported));
         }
         let until = self.rules.request_time.map(|time| self.now + time);
         self.job = Some(Job { id, data: data.to_vec(), is_paused: false, until });

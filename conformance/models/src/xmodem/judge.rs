@@ -4,34 +4,10 @@ use super::{State, Xmodem};
 use crate::model::{Broken, Effect};
 use softplug_abi::Failure;
 
-/// Something that has to happen at this instant.
-#[derive(Clone, Debug)]
-pub(super) struct Expected {
-    clause: &'static str,
-    effect: Effect,
-}
-
 impl Xmodem {
-    /// This has to happen before the instant is over, in any order.
-    pub(super) fn expect(&mut self, clause: &'static str, effect: Effect) {
-        self.expected.push(Expected { clause, effect });
-    }
-
     /// Something was seen that is no byte.
     pub(super) fn sees(&mut self, effect: &Effect) -> Result<(), Broken> {
-        match self.expected.iter().position(|expected| is_same(&expected.effect, effect)) {
-            Some(place) => {
-                self.expected.remove(place);
-                Ok(())
-            }
-            None => Err(self.unexpected(effect)),
-        }
-    }
-
-    /// The instant is over: something that had to come may have been missed.
-    pub(super) fn misses(&self) -> Result<(), Broken> {
-        let Some(Expected { clause, effect }) = self.expected.first() else { return Ok(()) };
-        Err(Broken::new(clause, format!("{effect:?} had to come")))
+        if self.expected.sees(effect) { Ok(()) } else { Err(self.unexpected(effect)) }
     }
 
     /// A character of ours begins.
@@ -73,19 +49,6 @@ impl Xmodem {
             // Nothing in the page asks for these.
             _ => "xmodem.tx.next",
         };
-        let expected: Vec<_> = self.expected.iter().map(|expected| &expected.effect).collect();
-        Broken::new(clause, format!("{effect:?} came, expected was {expected:?}"))
-    }
-}
-
-/// Whether what was seen is what was expected. What has left for a job that the end of the link
-/// has interrupted is not always known: it may be told to be nothing.
-fn is_same(expected: &Effect, seen: &Effect) -> bool {
-    match (expected, seen) {
-        (
-            Effect::Failed { job, failure: Failure::Interrupted, .. },
-            Effect::Failed { job: job2, failure: Failure::Interrupted, status: 0, sent: 0 },
-        ) => job == job2,
-        _ => expected == seen,
+        self.expected.broken(clause, effect)
     }
 }

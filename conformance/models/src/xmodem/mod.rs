@@ -17,15 +17,18 @@ mod receive;
 mod rules;
 mod send;
 
+use crate::block_room::BlockRoom;
 use crate::dice::Dice;
-use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Profile, Proposal};
+use crate::expected::Expected;
+use crate::model::{
+    Broken, Conditions, Effect, HostRequest, LineInput, Model, Profile, Proposal, line,
+};
 use crate::out::Out;
 use block::{ACK, C, CAN, EOT, NAK, SOH, STX};
-use judge::Expected;
 use receive::File;
 use rules::Rules;
 use send::{Job, Sending, Stage};
-use softplug_abi::{Failure, LineParameters, Micros, ModemLines, Parity};
+use softplug_abi::{Failure, Micros, ModemLines, Parity};
 
 pub(crate) const PROFILE: Profile = Profile {
     name: "xmodem",
@@ -111,10 +114,6 @@ pub(crate) const PROFILE: Profile = Profile {
     start: |conditions| Some(Box::new(Xmodem::new(conditions))),
 };
 
-const fn line(baud: u32, data_bits: u8, parity: Parity, stop_half_bits: u8) -> LineParameters {
-    LineParameters { baud, data_bits, parity, stop_half_bits }
-}
-
 /// Where the transfer stands, in the page's words.
 #[derive(Clone, Debug)]
 enum State {
@@ -147,23 +146,6 @@ enum State {
     Sending(Sending),
 }
 
-/// The host's room for deliveries.
-#[derive(Clone, Debug)]
-struct Room {
-    capacity: usize,
-    /// Delivered, and not put away.
-    kept: usize,
-    /// Delivered at this instant: that it was put away is told when the event is over.
-    fresh: usize,
-    keeps: bool,
-}
-
-impl Room {
-    fn free(&self) -> usize {
-        self.capacity.saturating_sub(self.kept)
-    }
-}
-
 /// Our side of XMODEM.
 #[derive(Clone, Debug)]
 struct Xmodem {
@@ -171,11 +153,11 @@ struct Xmodem {
     /// The time of the latest call.
     now: Micros,
     out: Out,
-    room: Room,
+    room: BlockRoom,
     state: State,
     file: File,
     job: Option<Job>,
-    expected: Vec<Expected>,
+    expected: Expected,
     is_open: bool,
     is_down: bool,
     /// The host has room for deliveries, or had some since the link was opened.
@@ -227,7 +209,7 @@ impl Model for Xmodem {
 
     fn due(&mut self, at: Micros) {
         self.now = at;
-        self.room.fresh = 0;
+        self.room.settle();
         while let Some(deadline) = self.deadline().filter(|deadline| *deadline <= at) {
             self.runs_out(deadline);
         }
@@ -250,11 +232,11 @@ impl Model for Xmodem {
     }
 
     fn settled(&mut self, _at: Micros) -> Result<(), Broken> {
-        self.room.fresh = 0;
+        self.room.settle();
         if self.is_blind {
             return Ok(());
         }
-        self.misses()?;
+        self.expected.missed()?;
         self.out.settled()
     }
 
@@ -269,16 +251,15 @@ impl Model for Xmodem {
 
 impl Xmodem {
     fn new(conditions: &Conditions) -> Self {
-        let capacity = conditions.delivery_room as usize;
         Self {
             rules: Rules::new(conditions),
             now: Micros::ZERO,
             out: Out::new(conditions.depth, "xmodem.rx.no-call"),
-            room: Room { capacity, kept: 0, fresh: 0, keeps: false },
+            room: BlockRoom::new(conditions.delivery_room),
             state: State::Idle { until: None, lingers: false },
             file: File::default(),
             job: None,
-            expected: Vec::new(),
+            expected: Expected::default(),
             is_open: false,
             is_down: false,
             has_place: false,
@@ -318,15 +299,10 @@ impl Xmodem {
     fn takes_room(&mut self) -> bool {
         // Padding of the block before is among it, at the most.
         let bytes: usize = self.file.blocks.iter().rev().take(2).map(Vec::len).sum();
-        self.room.fresh += bytes;
-        if self.room.fresh > self.room.capacity {
+        let is_sure = self.room.take(bytes);
+        if self.room.is_over() {
             self.full_at = Some(self.now);
         }
-        if !self.room.keeps {
-            return true;
-        }
-        let is_sure = bytes + self.room.capacity / 8 <= self.room.free();
-        self.room.kept += bytes;
         is_sure
     }
 

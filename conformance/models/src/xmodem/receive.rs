@@ -229,7 +229,8 @@ impl Xmodem {
             self.deliveries += 1;
             let bytes = file.bytes(self.rules.pad, self.rules.strips);
             let id = self.deliveries;
-            self.expect(clause, Effect::Delivered { id, bytes, name: None, failure, status: 0 });
+            self.expected
+                .expect(clause, Effect::Delivered { id, bytes, name: None, failure, status: 0 });
         }
         self.rests(false);
     }

@@ -170,7 +170,7 @@ impl Xmodem {
         let State::Sending(sending) = &self.state else { return };
         let sent = sending.queued;
         if let Some(job) = self.job.take() {
-            self.expect("xmodem.tx.end", Effect::Done { job: job.id, sent });
+            self.expected.expect("xmodem.tx.end", Effect::Done { job: job.id, sent });
         }
         self.rests(false);
     }
@@ -180,7 +180,7 @@ impl Xmodem {
         let State::Sending(sending) = &self.state else { return };
         let sent = sending.queued.saturating_sub(self.out.discard());
         if let Some(job) = self.job.take() {
-            self.expect(clause, Effect::Failed { job: job.id, failure, status: 0, sent });
+            self.expected.expect(clause, Effect::Failed { job: job.id, failure, status: 0, sent });
         }
         self.rests(false);
         if !matches!(failure, Failure::Refused | Failure::LinkDown | Failure::Interrupted) {
@@ -191,7 +191,7 @@ impl Xmodem {
     /// A job that waits fails.
     pub(super) fn drops_job(&mut self, failure: Failure, clause: &'static str) {
         let Some(job) = self.job.take() else { return };
-        self.expect(clause, Effect::Failed { job: job.id, failure, status: 0, sent: 0 });
+        self.expected.expect(clause, Effect::Failed { job: job.id, failure, status: 0, sent: 0 });
         if matches!(self.state, State::Idle { .. }) {
             let lingers = matches!(self.state, State::Idle { lingers: true, .. });
             self.rests(lingers);

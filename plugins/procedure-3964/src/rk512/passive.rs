@@ -60,7 +60,7 @@ impl Machine {
         if request == self.rk512.last_request && self.rk512.answer_until != NEVER {
             self.rk512.answered(link, answer, more, self.options.doubling);
         }
-        self.settle(link);
+        self.begin_block(link);
     }
 
     pub(crate) fn answer_late(&mut self, link: &mut Context<'_>) {

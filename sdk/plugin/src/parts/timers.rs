@@ -147,6 +147,7 @@ impl<T: TimerName, const N: usize> Timers<T, N> {
     }
 
     /// Sets a timer to a time on the link's clock, or cancels it.
+    #[inline]
     pub fn set(&mut self, link: &mut Context<'_>, timer: T, at: Option<Micros>) {
         let Some(known) = self.deadlines.get_mut(usize::from(timer.id())) else { return };
         if *known == at {
@@ -167,6 +168,7 @@ impl<T: TimerName, const N: usize> Default for Timers<T, N> {
 }
 
 impl<T, const N: usize> Part for Timers<T, N> {
+    #[inline]
     fn hear(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
         match event {
             PartEvent::Timer { id } => {

@@ -11,14 +11,14 @@ fn a_trace_is_replayed() {
     traces.sort();
     let case = traces.iter().find(|path| path.extension().is_some_and(|end| end == "spt")).unwrap();
     let ran = wine.run(&format!("replay xon-xoff {}", case.display())).with_code(0);
-    assert!(ran.out.contains("conform"), "{ran:?}");
+    assert!(ran.out.starts_with("passed: "), "{ran:?}");
 }
 
 #[test]
 fn a_plug_in_is_certified() {
     let wine = Wine::new();
-    let ran = wine.run("certify xon-xoff --profile xon-xoff --random 200").with_code(0);
-    assert!(ran.out.contains("conformant"), "{ran:?}");
+    let ran = wine.run("certify xon-xoff --profile xon-xoff").with_code(0);
+    assert!(ran.out.starts_with("conformant: "), "{ran:?}");
 }
 
 #[test]
