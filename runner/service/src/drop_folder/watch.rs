@@ -260,7 +260,7 @@ impl<Q: Queue> Watch<Q> {
         let file = place.claimed(claim)?;
         let now = match (&file, job) {
             (None, _) => Now::Gone,
-            (Some(name), Some(job)) => self.now(place, claim, name, claimed, job)?,
+            (Some(name), Some(job)) => file_now(place, claim, name, claimed, job)?,
             (Some(_), None) => Now::AsTaken,
         };
         let (shelf, text) = match job {
@@ -283,27 +283,6 @@ impl<Q: Queue> Watch<Q> {
             ),
         );
         Ok(())
-    }
-
-    /// What a claimed file is now, beside what was taken of it.
-    fn now(
-        &self,
-        place: &Place,
-        claim: &str,
-        name: &OsStr,
-        claimed: Claimed,
-        job: &Job,
-    ) -> io::Result<Now> {
-        let size = place.size(claim, name)?;
-        if size != claimed.size {
-            return Ok(Now::OfSize(size));
-        }
-        let file = place.read(claim, name)?;
-        // Where words of a cell were left out, what was sent is shorter, and tells nothing of the file.
-        let taken = job.spec.data.filter(|data| data.size == size);
-        let (Some(mut file), Some(taken)) = (file, taken) else { return Ok(Now::AsTaken) };
-        let found = copy(&mut file, &mut io::sink())?;
-        Ok(if found.digest == taken.digest { Now::AsTaken } else { Now::Rewritten })
     }
 
     /// Makes a job of a file that was claimed.
@@ -385,6 +364,26 @@ impl<Q: Queue> Watch<Q> {
             self.told.insert(name, now);
         }
     }
+}
+
+/// What a claimed file is now, beside what was taken of it.
+fn file_now(
+    place: &Place,
+    claim: &str,
+    name: &OsStr,
+    claimed: Claimed,
+    job: &Job,
+) -> io::Result<Now> {
+    let size = place.size(claim, name)?;
+    if size != claimed.size {
+        return Ok(Now::OfSize(size));
+    }
+    let file = place.read(claim, name)?;
+    // Where words of a cell were left out, what was sent is shorter, and tells nothing of the file.
+    let taken = job.spec.data.filter(|data| data.size == size);
+    let (Some(mut file), Some(taken)) = (file, taken) else { return Ok(Now::AsTaken) };
+    let found = copy(&mut file, &mut io::sink())?;
+    Ok(if found.digest == taken.digest { Now::AsTaken } else { Now::Rewritten })
 }
 
 /// Claims a file if it is still what has settled, and nobody has it open for writing.
