@@ -47,7 +47,7 @@ fn parts() -> Vec<Part> {
                 "run/cut",
                 "run/effect",
                 "run/permute",
-                "run/replay",
+                "run/replay/mod",
                 "judge/compare",
                 "judge/demand",
             ]

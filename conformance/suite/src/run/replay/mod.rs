@@ -1,19 +1,22 @@
 //! One run of a trace: the plug-in on a link in virtual time.
 
-use super::effect::Effect;
-use super::fault::{Fault, FaultClass};
-use super::outcome::{Outcome, Seen};
-use super::permute::{Permutation, Rooms};
-use super::rerun::rerun;
-use super::subject::{Meter, Subject, Watched};
-use super::way::{Before, Swaps, Way};
+mod give;
+mod numbers;
+
+use self::numbers::Numbers;
 use crate::given::lines::{line_parameters, modem_lines};
 use crate::given::load::Case;
-use crate::given::timeline::{Asked, Input, Timeline, Windows};
+use crate::given::timeline::{Input, Timeline, Windows};
+use crate::run::effect::Effect;
+use crate::run::fault::{Fault, FaultClass};
+use crate::run::outcome::{Outcome, Seen};
+use crate::run::permute::{Permutation, Rooms};
+use crate::run::rerun::rerun;
+use crate::run::subject::{Meter, Subject, Watched};
+use crate::run::way::{Before, Swaps, Way};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Instance, Micros, ModemLines};
-use softplug_link::{Job, LinkFault, LinkOptions, Observed, Recorder, VirtualLine};
-use softplug_trace::Drain;
+use softplug_link::{LinkFault, LinkOptions, Recorder, VirtualLine};
 use std::num::NonZeroUsize;
 use std::rc::Rc;
 
@@ -218,7 +221,7 @@ impl<'a, S: Subject> Run<'a, S> {
     fn seen(&mut self) -> Vec<Seen> {
         let last = self.timeline.end;
         let since = self.offset;
-        let mut numbers = Numbers { job_base: self.job_base, ..Numbers::default() };
+        let mut numbers = Numbers::behind(self.job_base);
         let seen = self.recorder.observed.drain(self.first..);
         let mut seen: Vec<Seen> = seen
             .filter_map(|(at, observed)| {
@@ -362,91 +365,6 @@ impl<'a, S: Subject> Run<'a, S> {
         self.way.rooms == Some(Rooms::Drips)
     }
 
-    fn hear(&mut self, now: Micros, input: &Input) -> Result<(), Fault> {
-        let Self { line: VirtualLine { link, .. }, recorder, .. } = self;
-        let stepped = match input {
-            Input::Bytes(bytes) => link.received(now, bytes, recorder),
-            Input::Character(byte) => link.received(now, &[*byte], recorder),
-            Input::Damaged { kind, byte, span } => {
-                link.line_error(now, *kind, *byte, *span, recorder)
-            }
-            Input::Modem(named, on) => {
-                let (known, before) = self.modem;
-                let kept = ModemLines(before.0 & !named.0);
-                self.modem = (known.union(*named), kept.union(*on));
-                link.modem_lines(now, self.modem.0, self.modem.1, recorder)
-            }
-            Input::Down(reason) => {
-                self.is_down = true;
-                link.link_down(now, *reason, recorder)
-            }
-            Input::Up => {
-                self.is_down = false;
-                link.link_up(now, recorder)
-            }
-            Input::Host(_) => Ok(()),
-        };
-        self.judged(now, stepped)
-    }
-
-    fn ask(&mut self, now: Micros, asked: &Asked) -> Result<(), Fault> {
-        let base = self.job_base;
-        let of_link = |job: u32| if job == 0 { 0 } else { base + job };
-        let is_dripping = self.drips();
-        let Self { line: VirtualLine { link, .. }, recorder, .. } = self;
-        let stepped = match asked {
-            Asked::Job(job, data) => {
-                let job = Job { id: of_link(job.id), ..job.clone() };
-                recorder.add_source(job.id, data.clone());
-                link.begin_job(now, job, recorder)
-            }
-            Asked::Pause(job) => link.pause(now, of_link(*job), recorder),
-            Asked::Resume(job) => link.resume(now, of_link(*job), recorder),
-            Asked::Abort(job) => link.abort(now, of_link(*job), recorder),
-            Asked::ForceResume => link.force_resume(now, recorder),
-            Asked::Room(bytes) => {
-                recorder.drain(*bytes);
-                link.run(now, recorder)
-            }
-            Asked::Drain(Drain::Off) => {
-                self.keeps_deliveries = true;
-                recorder.drain_by_hand = true;
-                Ok(())
-            }
-            Asked::Drain(Drain::Auto) => {
-                self.keeps_deliveries = false;
-                recorder.drain_by_hand = is_dripping;
-                recorder.drain(u32::MAX);
-                link.run(now, recorder)
-            }
-            Asked::Answer(request, answer) => {
-                let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);
-                let request = match base {
-                    0 => *request,
-                    _ => request_of_link(&recorder.observed[self.first..], *request),
-                };
-                link.answer(now, request, answer, recorder)
-            }
-            Asked::Swap => return self.swap(now),
-            Asked::Close => return self.close(now),
-            Asked::Open => return self.open(now),
-        };
-        self.judged(now, stepped)
-    }
-
-    fn open(&mut self, now: Micros) -> Result<(), Fault> {
-        self.is_open = true;
-        self.is_down = false;
-        let opened = self.line.link.open(now, &mut self.recorder);
-        self.judged(now, opened)
-    }
-
-    fn close(&mut self, now: Micros) -> Result<(), Fault> {
-        self.is_open = false;
-        let closed = self.line.link.close(now, &mut self.recorder);
-        self.judged(now, closed)
-    }
-
     fn advance(&mut self, now: Micros) -> Result<(), Fault> {
         let advanced = self.line.advance(now, &mut self.recorder);
         self.judged(now, advanced)
@@ -531,52 +449,6 @@ impl<'a, S: Subject> Run<'a, S> {
     fn judged(&self, now: Micros, stepped: Stepped<S>) -> Result<(), Fault> {
         stepped.map_err(|fault| Fault::of_link(now - self.offset, &fault))
     }
-}
-
-/// The ids of one case behind another on the same link, as if it were the first.
-#[derive(Default)]
-struct Numbers {
-    job_base: u32,
-    requests: Vec<u32>,
-    deliveries: Vec<u32>,
-}
-
-impl Numbers {
-    fn of_this_case(&mut self, mut seen: Seen) -> Seen {
-        match &mut seen.effect {
-            Effect::Done { id, .. } | Effect::Fail { id, .. } | Effect::Check { id, .. } => {
-                *id = id.saturating_sub(self.job_base);
-            }
-            Effect::Request { id, .. } | Effect::Withdraw(id) => {
-                *id = number(&mut self.requests, *id);
-            }
-            Effect::Deliver(delivered) => {
-                delivered.id = number(&mut self.deliveries, delivered.id);
-            }
-            Effect::Byte(_) | Effect::Break(_) | Effect::Lines(..) => {}
-        }
-        seen
-    }
-}
-
-/// The place of an id among those that were seen, from 1.
-fn number(known: &mut Vec<u32>, id: u32) -> u32 {
-    let place = known.iter().position(|known| *known == id).unwrap_or_else(|| {
-        known.push(id);
-        known.len() - 1
-    });
-    place as u32 + 1
-}
-
-/// The link's id for the request that a trace calls by its number.
-fn request_of_link(observed: &[(Micros, Observed)], asked: u32) -> u32 {
-    let mut requests = Vec::new();
-    for (_, observed) in observed {
-        if let Observed::Request { request, .. } = observed {
-            number(&mut requests, *request);
-        }
-    }
-    requests.get((asked as usize).saturating_sub(1)).copied().unwrap_or(u32::MAX)
 }
 
 /// When half of what is given has been given.

@@ -1,0 +1,57 @@
+//! Ids of jobs, requests and deliveries in a case that stands behind another one on the same link.
+
+use crate::run::effect::Effect;
+use crate::run::outcome::Seen;
+use softplug_abi::Micros;
+use softplug_link::Observed;
+
+/// The ids of one case behind another on the same link, as if it were the first.
+#[derive(Default)]
+pub(super) struct Numbers {
+    job_base: u32,
+    requests: Vec<u32>,
+    deliveries: Vec<u32>,
+}
+
+impl Numbers {
+    /// Of a case whose jobs are numbered from here on.
+    pub(super) fn behind(job_base: u32) -> Self {
+        Self { job_base, ..Self::default() }
+    }
+
+    pub(super) fn of_this_case(&mut self, mut seen: Seen) -> Seen {
+        match &mut seen.effect {
+            Effect::Done { id, .. } | Effect::Fail { id, .. } | Effect::Check { id, .. } => {
+                *id = id.saturating_sub(self.job_base);
+            }
+            Effect::Request { id, .. } | Effect::Withdraw(id) => {
+                *id = number(&mut self.requests, *id);
+            }
+            Effect::Deliver(delivered) => {
+                delivered.id = number(&mut self.deliveries, delivered.id);
+            }
+            Effect::Byte(_) | Effect::Break(_) | Effect::Lines(..) => {}
+        }
+        seen
+    }
+}
+
+/// The place of an id among those that were seen, from 1.
+fn number(known: &mut Vec<u32>, id: u32) -> u32 {
+    let place = known.iter().position(|known| *known == id).unwrap_or_else(|| {
+        known.push(id);
+        known.len() - 1
+    });
+    place as u32 + 1
+}
+
+/// The link's id for the request that a trace calls by its number.
+pub(super) fn request_of_link(observed: &[(Micros, Observed)], asked: u32) -> u32 {
+    let mut requests = Vec::new();
+    for (_, observed) in observed {
+        if let Observed::Request { request, .. } = observed {
+            number(&mut requests, *request);
+        }
+    }
+    requests.get((asked as usize).saturating_sub(1)).copied().unwrap_or(u32::MAX)
+}
