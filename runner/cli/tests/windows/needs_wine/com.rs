@@ -21,7 +21,7 @@ fn a_program_is_sent_through_a_com_port() {
     let wine = Wine::new();
     let program = "N1 G01 X10 Y20\n".repeat(300);
     wine.write("O0001.nc", &program);
-    let machine = machine(7, "xon-xoff --buffer 256 --expect O0001.nc", &wine);
+    let machine = machine(7, "xon-xoff --buffer 512 --expect O0001.nc", &wine);
     let line = "--line 38400~8N1 --plugin xon-xoff";
     wine.run(&format!("send --port COM7 {line} O0001.nc")).with_code(0);
     let machine = machine.end().with_code(0);
