@@ -328,7 +328,7 @@ fn heard_by_parts<'a>(link: &mut Context<'_>, event: &Event<'a>) -> Option<PartE
     Some(match *event {
         Event::Open { resumed, transmit_room, delivery_room, .. } => {
             link.set_rooms(transmit_room, delivery_room);
-            return resumed.then_some(PartEvent::Resumed);
+            if resumed { PartEvent::Resumed } else { PartEvent::LinkUp }
         }
         Event::Timer { id, .. } => PartEvent::Timer { id },
         Event::Mark { mark, state } => PartEvent::Mark { mark, state },
@@ -344,6 +344,7 @@ fn heard_by_parts<'a>(link: &mut Context<'_>, event: &Event<'a>) -> Option<PartE
         Event::Pause { .. } => PartEvent::Paused(true),
         Event::Resume { .. } => PartEvent::Paused(false),
         Event::LinkDown(_) => PartEvent::LinkDown,
+        Event::LinkUp => PartEvent::LinkUp,
         _ => return None,
     })
 }

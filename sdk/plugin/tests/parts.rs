@@ -210,6 +210,41 @@ proptest! {
     }
 
     #[test]
+    fn what_is_cut_while_the_cable_is_pulled_ends_at_once(
+        data in bytes(),
+        pause in 1..100_i64,
+        is_opened_anew in any::<bool>(),
+    ) {
+        let mut bench = bench(9_600, 16, 128);
+        if is_opened_anew {
+            // Without its cable when it was closed: it is there again when the link is opened.
+            bench.host(|link, now, host| link.link_down(now, LinkDownReason::Unplugged, host));
+            bench.host(|link, now, host| link.close(now, host));
+            bench.run_for_millis(10);
+            bench.host(|link, now, host| link.open(now, host));
+        }
+        bench.send(&data);
+        bench.run_for_millis(pause);
+        if is_opened_anew {
+            bench.receive(&[ENQ; 3]);
+            bench.host(|link, now, host| link.abort(now, 1, host));
+            bench.run_for_millis(2_000);
+            prop_assert_eq!(read(&bench.sent()).2, 3, "answers are spared");
+            return Ok(());
+        }
+        bench.host(|link, now, host| link.link_down(now, LinkDownReason::Unplugged, host));
+        bench.swap();
+        bench.host(|link, now, host| link.abort(now, 1, host));
+        bench.run_for_millis(100);
+        let end = job_end(&bench);
+        bench.host(|link, now, host| link.link_up(now, host));
+        bench.run_for_millis(2_000);
+        let sent = bench.sent().len() as u64;
+        let aborted = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent };
+        prop_assert!(end == Some(aborted) || end == Some(Observed::Done { job: 1, sent }), "{end:?} {sent}");
+    }
+
+    #[test]
     fn frames_and_answers_are_the_same_in_every_room(
         data in bytes(),
         pauses in proptest::collection::vec(1..60_i64, 0..10),

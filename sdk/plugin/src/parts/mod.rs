@@ -94,6 +94,8 @@ pub enum PartEvent<'a> {
     Paused(bool),
     /// The port or the connection is gone.
     LinkDown,
+    /// It is there: the link was opened anew, or has it back.
+    LinkUp,
 }
 
 /// Moves what stands behind the first `count` of `length` bytes to the front. Without the texts of panics

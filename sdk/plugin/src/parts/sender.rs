@@ -116,6 +116,8 @@ pub struct BlockSender<const DATA: usize> {
     /// What the link has still leaves before it does.
     is_cut: bool,
     is_paused: bool,
+    /// Nothing leaves.
+    is_down: bool,
     data: Block<DATA>,
     /// Bytes that the host was asked for and has not given.
     wanted: u32,
@@ -142,6 +144,7 @@ impl<const DATA: usize> BlockSender<DATA> {
             stopping: None,
             is_cut: false,
             is_paused: false,
+            is_down: false,
             data: Block::new(),
             wanted: 0,
             has_ended: false,
@@ -343,9 +346,11 @@ impl<const DATA: usize> BlockSender<DATA> {
     }
 
     /// Gives nothing more. What the link has of a frame that was [given in symbols](Self::give_symbols) leaves, and so do
-    /// answers; the frame ends between two symbols. The job fails when all has left, or the link goes down.
+    /// answers; the frame ends between two symbols. The job fails when all has left; where the link is down, or goes down, the rest is dropped.
     pub fn cut(&mut self, link: &mut Context<'_>, failure: Failure) {
-        if self.is_active() {
+        if self.is_down {
+            self.stop(link, failure);
+        } else if self.is_active() {
             self.stopping = Some(failure);
             self.is_cut = true;
             self.settle(link);
@@ -388,8 +393,8 @@ impl<const DATA: usize> BlockSender<DATA> {
 
     /// The job is over without a word here, as one that was only to be checked.
     pub fn forget(&mut self) {
-        let (mark, ahead, unsettled) = (self.mark, self.ahead, self.unsettled);
-        *self = Self { mark, ahead, unsettled, ..Self::new() };
+        let Self { mark, ahead, unsettled, is_down, .. } = *self;
+        *self = Self { mark, ahead, unsettled, is_down, ..Self::new() };
     }
 
     fn hear_mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
@@ -440,7 +445,11 @@ impl<const DATA: usize> Part for BlockSender<DATA> {
                 self.wanted = 0;
             }
             PartEvent::Paused(is_paused) => self.is_paused = is_paused,
-            PartEvent::LinkDown => self.drop_cut(link),
+            PartEvent::LinkDown => {
+                self.is_down = true;
+                self.drop_cut(link);
+            }
+            PartEvent::LinkUp => self.is_down = false,
             _ => {}
         }
     }
