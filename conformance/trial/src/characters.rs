@@ -1,8 +1,9 @@
 //! What a program is written in: each character once, with how often and where first.
 
 use std::collections::HashMap;
-use std::fmt::Write as _;
 use std::io::{self, Read};
+
+use data_encoding::HEXLOWER;
 
 /// Bytes that are read at once.
 const CHUNK: usize = 64 * 1024;
@@ -154,7 +155,7 @@ impl Written {
 
     /// Its bytes as hex digits.
     pub fn hex(self) -> String {
-        hex(&self.bytes())
+        HEXLOWER.encode(&self.bytes())
     }
 
     /// As it is shown: what cannot be seen by its name or number.
@@ -198,15 +199,6 @@ impl Written {
             _ => return None,
         })
     }
-}
-
-/// Hex digits without spaces.
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    let mut text = String::with_capacity(bytes.len() * 2);
-    for byte in bytes {
-        let _ = write!(text, "{byte:02x}");
-    }
-    text
 }
 
 /// Whether it can be seen, and moves nothing: what the standard library does not escape behind

@@ -5,10 +5,11 @@ use std::collections::HashMap;
 use std::error::Error;
 use std::io::Cursor;
 
+use data_encoding::HEXLOWER;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Failure, Instance};
 
-use crate::characters::{Written, hex};
+use crate::characters::Written;
 use crate::error::TrialError;
 use crate::reason::{WAITS, reason};
 use crate::trial::{End, Keep, Trial};
@@ -66,7 +67,9 @@ impl Fate {
                 format!("sent as {} spaces", text.len())
             }
             Self::Replaced(text) => format!("sent as {text}"),
-            Self::Foreign(bytes) => format!("sent as {}, which few controls know", hex(bytes)),
+            Self::Foreign(bytes) => {
+                format!("sent as {}, which few controls know", HEXLOWER.encode(bytes))
+            }
             Self::Cut => "a character of this line has 7 bits: arrives as another".to_owned(),
             Self::Refused(None) => WAITS.to_owned(),
             Self::Refused(Some((failure, status))) => reason(manifest, *failure, *status),

@@ -34,17 +34,6 @@ impl fmt::Display for Dump<'_> {
     }
 }
 
-/// Hex digits without spaces, for machines.
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    use fmt::Write as _;
-
-    let mut text = String::with_capacity(bytes.len() * 2);
-    for byte in bytes {
-        let _ = write!(text, "{byte:02x}");
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -61,6 +50,5 @@ mod tests {
             ]
         );
         assert_eq!(Dump(b"").to_string(), "");
-        assert_eq!(hex(&[0x11, 0xA5]), "11a5");
     }
 }

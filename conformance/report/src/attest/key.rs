@@ -4,10 +4,10 @@
 use crate::text;
 use base64::prelude::BASE64_STANDARD;
 use base64::{DecodeError, Engine};
+use data_encoding::HEXLOWER;
 use ed25519_dalek::pkcs8::{DecodePrivateKey, DecodePublicKey};
 use ed25519_dalek::{Signature, Signer, SigningKey, VerifyingKey};
 use sha2::{Digest, Sha256};
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// Bytes that a key's file may have.
@@ -74,7 +74,7 @@ impl PublicKey {
     /// `openssl pkey -pubin -in FILE -outform DER | sha256sum` prints.
     pub fn id(&self) -> String {
         let digest = Sha256::new().chain_update(PUBLIC_PREFIX).chain_update(self.0.as_bytes());
-        hex(&digest.finalize())
+        HEXLOWER.encode(&digest.finalize())
     }
 
     pub(super) fn has_signed(&self, message: &[u8], signature: &[u8]) -> bool {
@@ -231,12 +231,4 @@ impl<'a> Block<'a> {
 fn label<'a>(line: &'a str, word: &str) -> Option<&'a str> {
     let line = line.trim().strip_prefix("-----")?.strip_prefix(word)?.strip_prefix(' ')?;
     line.strip_suffix("-----")
-}
-
-/// Bytes as small hex digits.
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }

@@ -1,8 +1,8 @@
 //! The in-toto statement: what follows from a report, in the words of others.
 
 use super::VerifyError;
-use super::key::hex;
 use crate::{Outcome, Report, VerdictKind, text};
+use data_encoding::HEXLOWER;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -180,7 +180,7 @@ fn configuration(report: &Report, text: &str) -> Vec<Descriptor> {
     let mut configuration = vec![
         Descriptor {
             media_type: Some("application/json".to_owned()),
-            ..Descriptor::new("conformance.json", &hex(&Sha256::digest(text)))
+            ..Descriptor::new("conformance.json", &HEXLOWER.encode(&Sha256::digest(text)))
         },
         Descriptor {
             annotations: Some(Annotations {

@@ -1,8 +1,8 @@
 //! Baselines: failures that are known and expected. Each entry must fail, for its reason.
 
 use crate::given::file_error::{FileError, read_toml};
-use crate::given::hex::hex;
 use crate::run::class::Class;
+use data_encoding::HEXLOWER;
 use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
@@ -108,7 +108,7 @@ impl Baseline {
             })?;
             expected.push(Expected { case: case.into_inner(), class: known, reason });
         }
-        Ok(Self { expected, digest: hex(&Sha256::digest(text)) })
+        Ok(Self { expected, digest: HEXLOWER.encode(&Sha256::digest(text)) })
     }
 
     /// The entry of a case.

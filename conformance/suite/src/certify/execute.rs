@@ -5,7 +5,6 @@ use super::error::CertifyError;
 use super::options::{CertifyOptions, Progress};
 use super::plan::{Fate, Plan};
 use crate::corpus::{Listed, Source};
-use crate::given::hex::hex;
 use crate::given::load::Case;
 use crate::judge::divergence::Divergence;
 use crate::judge::run::{Judge, Start, assess, pure};
@@ -16,6 +15,7 @@ use crate::run::outcome::Outcome;
 use crate::run::permute::Permutation;
 use crate::run::subject::Fuel;
 use crate::script::{Script, ScriptFailure, ScriptRun};
+use data_encoding::HEXUPPER;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_report::{FAILURES, FailedRun};
@@ -299,7 +299,7 @@ fn failed_run(listed: &Listed<'_>, case: &Case, run: &str, failure: Failure) -> 
         Some(fault) => format!("the plug-in {}: {}", class.text(), fault.message),
         None => format!("the plug-in {}", class.text()),
     };
-    let hex = |bytes: &[u8]| hex(bytes).to_uppercase();
+    let hex = |bytes: &[u8]| HEXUPPER.encode(bytes);
     let divergence = failure.divergence.as_ref();
     let at_fault = failure.fault.as_ref().map(|fault| fault.at_us);
     let side = |side: fn(&Divergence) -> String| divergence.map(side).unwrap_or_default();

@@ -7,9 +7,9 @@ use super::execute::Ran;
 use super::options::CertifyOptions;
 use super::plan::{Fate, Plan, Planned};
 use crate::corpus::Corpus;
-use crate::given::hex::hex;
 use crate::given::ledger::Clause;
 use crate::random::Sessions;
+use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
 use softplug_report::{
     CaseResult, CaseRow, ClauseRow, Counts, Fuel, PluginInfo, ProfileInfo, Reason, Report, SCHEMA,
@@ -100,7 +100,7 @@ impl Results<'_> {
         PluginInfo {
             name: of(|manifest| &manifest.name),
             version: of(|manifest| &manifest.version),
-            sha256: hex(&Sha256::digest(self.module)),
+            sha256: HEXLOWER.encode(&Sha256::digest(self.module)),
             bytes: self.module.len() as u64,
             abi: of(|manifest| &manifest.abi),
         }
@@ -205,7 +205,7 @@ impl Results<'_> {
         for ran in self.ran.iter().flatten() {
             digest.update(&ran.pure);
         }
-        hex(&digest.finalize())
+        HEXLOWER.encode(&digest.finalize())
     }
 
     /// Of the required cases.

@@ -4,13 +4,13 @@
 pub mod lint;
 
 use crate::given::file_error::FileError;
-use crate::given::hex::hex;
 use crate::given::ledger::Ledger;
 use crate::given::load::{Case, LoadError};
 use crate::given::neighbours::{find_long, find_neighbours};
 use crate::mutants::Matrix;
 use crate::random::SessionGroup;
 use crate::script::{self, Script};
+use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
 use softplug_fixtures::{Dir, MUTANTS, REQUIREMENTS, TRACES};
 use softplug_report::{CaseKind, Level};
@@ -423,5 +423,5 @@ fn digest(files: &Files<'_>) -> String {
         digest.update(format!("{name}\n{}\n", content.len()));
         digest.update(content);
     }
-    hex(&digest.finalize())
+    HEXLOWER.encode(&digest.finalize())
 }

@@ -5,7 +5,6 @@ pub(crate) mod disturb;
 pub(crate) mod fields;
 pub(crate) mod file_error;
 mod hashes;
-pub(crate) mod hex;
 pub mod ledger;
 pub(crate) mod lines;
 pub(crate) mod load;

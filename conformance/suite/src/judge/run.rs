@@ -4,7 +4,6 @@ use super::compare::{compare, first_difference};
 use super::demand::demands;
 use super::divergence::Divergence;
 use super::verdict::{Failure, Verdict};
-use crate::given::hex::hex;
 use crate::given::lines::line_parameters;
 use crate::given::load::Case;
 use crate::given::timeline::TimelineError;
@@ -18,6 +17,7 @@ use crate::run::replay::replay;
 use crate::run::subject::Subject;
 use crate::run::transcript;
 use crate::script::{Script, ScriptRun};
+use data_encoding::HEXLOWER;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use softplug_abi::Micros;
@@ -182,7 +182,7 @@ pub fn run_all(subjects: &[&dyn Judge], cases: &[Case], filter: &Filter) -> Summ
     summary.total = summary.cases.len();
     summary.passed = summary.cases.iter().filter(|verdict| verdict.is_passed()).count();
     summary.failed = summary.total - summary.passed;
-    summary.digest = hex(&digest.finalize());
+    summary.digest = HEXLOWER.encode(&digest.finalize());
     summary
 }
 

@@ -2,11 +2,11 @@
 
 use super::Sessions;
 use super::trace;
-use crate::given::hex::hex;
 use crate::given::ledger::Ledger;
 use crate::run::class::Class;
 use crate::run::fault::FaultClass;
 use crate::run::subject::{Fuel, Meter, Subject, Watched};
+use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
 #[cfg(feature = "wasmtime")]
 use softplug_abi::Micros;
@@ -171,7 +171,7 @@ impl SessionGroup {
             }
         }
         let verdict = if group.failures.is_empty() { "passed" } else { "failed" };
-        group.pure = format!("{}\n{verdict}\n{}\n", self.id, hex(&digest.finalize()));
+        group.pure = format!("{}\n{verdict}\n{}\n", self.id, HEXLOWER.encode(&digest.finalize()));
         Some(group)
     }
 

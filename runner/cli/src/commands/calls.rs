@@ -1,10 +1,10 @@
 //! Every call of the ABI in a replay, for hosts written in other languages: `docs/hosts/README.md`.
 
+use data_encoding::HEXLOWER;
 use serde::Serialize;
 use softplug_abi::MORE_OUTPUT;
 use softplug_conformance::{self as conformance, Case};
 
-use crate::dump::hex;
 use crate::plugin::Chosen;
 
 /// A new instance begins here.
@@ -80,9 +80,9 @@ impl<'a> Call<'a> {
             kind: call.event.code(),
             name: call.event.name(),
             now: call.now.0,
-            payload: hex(&call.payload),
+            payload: HEXLOWER.encode(&call.payload),
             result,
-            actions: hex(&call.actions),
+            actions: HEXLOWER.encode(&call.actions),
             fault: call.fault.as_deref().filter(|_| call.refusal.is_none()),
             last_words: call.last_words.as_deref(),
         }

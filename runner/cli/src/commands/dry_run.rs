@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use data_encoding::HEXLOWER;
 use softplug_abi::{Failure as Why, LineParameters, Micros};
 use softplug_gateway::pacer::default_depth;
 use softplug_gateway::port::line_text;
@@ -13,7 +14,7 @@ use super::send::{
     Arguments, Document, LatheDocument, NoteDocument, Piece, Prepared, StatusDocument,
     check_message,
 };
-use crate::dump::{Dump, hex};
+use crate::dump::Dump;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files;
@@ -89,7 +90,7 @@ pub(super) fn run(
         failure: failure.map(Why::name),
         status: StatusDocument::new(manifest, status),
         message,
-        wire: Some(hex(&wire)),
+        wire: Some(HEXLOWER.encode(&wire)),
         exchange: dialogue.iter().map(piece).collect(),
         notes: notes.into_iter().map(NoteDocument::of).collect(),
     });
@@ -141,7 +142,7 @@ fn piece((side, bytes): &(Side, Vec<u8>)) -> Piece {
         Side::Us => "plug-in",
         Side::Partner => "partner",
     };
-    Piece { from, hex: hex(bytes) }
+    Piece { from, hex: HEXLOWER.encode(bytes) }
 }
 
 fn show(

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use data_encoding::HEXLOWER;
 use softplug_abi::Failure as Why;
 use softplug_gateway::PortSpec;
 use softplug_gateway::store::Inbox;
@@ -15,7 +16,7 @@ use super::progress::Bar;
 use super::{kept_documents, note_documents, say_kept, say_notes, station, transfer_failure};
 use crate::commands::receive::no_folder;
 use crate::commands::send::{Arguments, Document, Prepared, SEND, StatusDocument, check_message};
-use crate::dump::{Dump, hex};
+use crate::dump::Dump;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::Partial;
@@ -166,7 +167,7 @@ impl Answer {
             Self::File(partial) => Ok(Some(Place::File(partial.complete()?))),
             Self::Shown(bytes) => {
                 screen.say(Dump(&bytes));
-                Ok(Some(Place::Shown(hex(&bytes))))
+                Ok(Some(Place::Shown(HEXLOWER.encode(&bytes))))
             }
         }
     }

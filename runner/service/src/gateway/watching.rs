@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread;
 use std::time::Duration;
 
+use data_encoding::HEXUPPER;
 use softplug_abi::ModemLines;
 use softplug_gateway::reactor::{Command, LaneId, Seen as LaneSeen, Watch, WatchEvent};
 
@@ -142,23 +143,18 @@ fn show(shared: &Shared, lane: LaneId, audience: &Audience, seen: &Receiver<Lane
 
 fn shown(LaneSeen { at, what }: LaneSeen) -> Seen {
     let what = match what {
-        WatchEvent::Heard(bytes) => SeenWhat::Received { hex: hex(&bytes) },
-        WatchEvent::Sent(bytes) => SeenWhat::Sent { hex: hex(&bytes) },
-        WatchEvent::LineError { kind, byte } => {
-            SeenWhat::LineError { kind: kind.name().to_owned(), hex: byte.map(|byte| hex(&[byte])) }
-        }
+        WatchEvent::Heard(bytes) => SeenWhat::Received { hex: HEXUPPER.encode(&bytes) },
+        WatchEvent::Sent(bytes) => SeenWhat::Sent { hex: HEXUPPER.encode(&bytes) },
+        WatchEvent::LineError { kind, byte } => SeenWhat::LineError {
+            kind: kind.name().to_owned(),
+            hex: byte.map(|byte| HEXUPPER.encode(&[byte])),
+        },
         WatchEvent::ModemLines(_, on) => SeenWhat::ModemLines { on: names(on) },
         WatchEvent::Held => SeenWhat::Held { is_held: true },
         WatchEvent::Released => SeenWhat::Held { is_held: false },
         WatchEvent::State(name) => SeenWhat::State { name },
     };
     Seen { at_us: at.0, what, dropped: 0 }
-}
-
-fn hex(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
-    let digit = |half: u8| char::from(DIGITS[usize::from(half)]);
-    bytes.iter().flat_map(|byte| [digit(byte >> 4), digit(byte & 15)]).collect()
 }
 
 fn names(lines: ModemLines) -> Vec<String> {

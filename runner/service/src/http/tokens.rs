@@ -1,12 +1,13 @@
 //! Who may do what: bearer tokens, of which only digests are kept.
 
-use std::fmt::{self, Write as _};
+use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant, SystemTime};
 
+use data_encoding::HEXLOWER;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use subtle::{Choice, ConditionallySelectable, ConstantTimeEq};
@@ -71,17 +72,9 @@ impl Entry {
 pub fn new_token(name: &str, role: Role) -> io::Result<(String, Entry)> {
     let mut random = [0; 32];
     File::open("/dev/urandom")?.read_exact(&mut random)?;
-    let text = format!("{PREFIX}{}", hex(&random));
-    let sha256 = hex(&Sha256::digest(&text));
+    let text = format!("{PREFIX}{}", HEXLOWER.encode(&random));
+    let sha256 = HEXLOWER.encode(&Sha256::digest(&text));
     Ok((text, Entry { name: name.to_owned(), role, sha256 }))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    let mut text = String::with_capacity(2 * bytes.len());
-    for byte in bytes {
-        let _ = write!(text, "{byte:02x}");
-    }
-    text
 }
 
 /// Why a tokens file cannot be used.

@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use data_encoding::HEXLOWER;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use softplug_conformance::{Places, explore_checked, traces_of_way};
 use softplug_explore::{
@@ -17,7 +18,6 @@ use softplug_explore::{
 
 use self::show::{All, Explored, Random};
 use crate::commands::certify::random;
-use crate::dump;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::numbers::{count, things};
@@ -263,8 +263,8 @@ impl Arguments {
             self.profile, plan.name, self.faults
         )];
         let mut add = |name: &str, value: String| words.push(format!("--{name} {value}"));
-        self.data.iter().for_each(|Hex(data)| add("data", dump::hex(data)));
-        self.peer_data.iter().for_each(|Hex(data)| add("peer-data", dump::hex(data)));
+        self.data.iter().for_each(|Hex(data)| add("data", HEXLOWER.encode(data)));
+        self.peer_data.iter().for_each(|Hex(data)| add("peer-data", HEXLOWER.encode(data)));
         let setting = |(name, value): &(String, String)| format!("{name}={}", value.escape_debug());
         self.settings.iter().for_each(|one| add("set", setting(one)));
         self.peer_settings.iter().for_each(|one| add("peer-set", setting(one)));

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use data_encoding::HEXLOWER;
 use serde::Serialize;
 use softplug_conformance::rows_of_way;
 use softplug_explore::{Counterexample, Exploration, Plan, Setup, Walked};
 use softplug_report::Coverage;
 
-use crate::dump;
 use crate::numbers::{count, things};
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
 use crate::sequence;
@@ -115,7 +115,8 @@ impl Explored {
             name: plan.name,
             partner: plan.partner,
             settings: setup.settings.clone(),
-            jobs: [0, 1].map(|end| setup.jobs[end].iter().map(|data| dump::hex(data)).collect()),
+            jobs: [0, 1]
+                .map(|end| setup.jobs[end].iter().map(|data| HEXLOWER.encode(data)).collect()),
             held_to_promises: false,
             held_to_model: false,
             complete: false,
