@@ -20,6 +20,7 @@ pub(crate) use execute::shuffled;
 pub use glob::matches;
 pub use observe::{ObservedRun, observe};
 pub use options::{CertifyOptions, Progress};
+pub use plan::ABI;
 
 use crate::corpus::Corpus;
 use engines::Engines;

@@ -7,8 +7,15 @@ use crate::corpus::{Corpus, Listed};
 use crate::given::ledger::Ledger;
 use softplug_abi::manifest::{Manifest, Setting};
 
-/// The profile that every plug-in is held to without a claim.
-pub(super) const ABI: &str = "abi";
+/// The profile that every plug-in is held to without a claim: the rules between plug-in and host.
+///
+/// ```
+/// use softplug_conformance::Corpus;
+/// use softplug_conformance::certify::ABI;
+///
+/// assert!(Corpus::embedded().ledger(ABI).is_some());
+/// ```
+pub const ABI: &str = "abi";
 
 /// What one certification runs.
 pub(super) struct Plan<'a> {

@@ -18,6 +18,8 @@ pub(super) enum Now {
     OfSize(u64),
     /// It has the same size, and says something else.
     Rewritten,
+    /// It cannot be read any more.
+    Unreadable,
     /// Somebody has removed it.
     Gone,
 }
@@ -58,6 +60,11 @@ pub(super) fn of_job(job: &Job, claimed: Claimed, now: Now) -> (Shelf, String) {
             text,
             "The file has been written to after it was taken: what it says now is not what was \
              taken. {COPY}"
+        ),
+        Now::Unreadable => writeln!(
+            text,
+            "The file cannot be read any more: nobody knows whether it was written to after it was \
+             taken."
         ),
         Now::Gone => writeln!(text, "Somebody has removed the file from work while it was a job."),
     };

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
-use std::io;
+use std::io::{self, Read};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,6 +12,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use softplug_gateway::store::is_open_for_writing;
+use softplug_host::Digest;
 
 use super::names::shown;
 use super::place::{Found, Place, Whose, state_of};
@@ -378,12 +379,19 @@ fn file_now(
     if size != claimed.size {
         return Ok(Now::OfSize(size));
     }
-    let file = place.read(claim, name)?;
     // Where words of a cell were left out, what was sent is shorter, and tells nothing of the file.
     let taken = job.spec.data.filter(|data| data.size == size);
-    let (Some(mut file), Some(taken)) = (file, taken) else { return Ok(Now::AsTaken) };
-    let found = copy(&mut file, &mut io::sink())?;
-    Ok(if found.digest == taken.digest { Now::AsTaken } else { Now::Rewritten })
+    Ok(taken.map_or(Now::AsTaken, |taken| compared(place.read(claim, name), taken.digest)))
+}
+
+/// A file beside what was taken of it. One that cannot be read is put away all the same.
+fn compared(file: io::Result<Option<impl Read>>, taken: Digest) -> Now {
+    let digest = |mut file| copy(&mut file, &mut io::sink()).map(|found| found.digest);
+    match file.and_then(|file| file.map(digest).transpose()) {
+        Ok(found) if found.is_none_or(|found| found == taken) => Now::AsTaken,
+        Ok(_) => Now::Rewritten,
+        Err(_) => Now::Unreadable,
+    }
 }
 
 /// Claims a file if it is still what has settled, and nobody has it open for writing.
@@ -428,4 +436,29 @@ fn told(error: &io::Error) -> String {
         _ => "",
     };
     format!("{error}{advice}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A share that fails in the middle.
+    struct Failing;
+
+    impl Read for Failing {
+        fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+            Err(io::Error::other("the share is gone"))
+        }
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_read_any_more_is_put_away_all_the_same() {
+        let taken = Digest::of(b"G1");
+        assert_eq!(compared(Ok(Some(&b"G1"[..])), taken), Now::AsTaken);
+        assert_eq!(compared(Ok(Some(&b"G2"[..])), taken), Now::Rewritten);
+        assert_eq!(compared(Ok(None::<&[u8]>), taken), Now::AsTaken);
+        assert_eq!(compared(Ok(Some(Failing)), taken), Now::Unreadable);
+        let denied = io::Error::from(io::ErrorKind::PermissionDenied);
+        assert_eq!(compared(Err::<Option<&[u8]>, _>(denied), taken), Now::Unreadable);
+    }
 }

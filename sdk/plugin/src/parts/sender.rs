@@ -393,8 +393,8 @@ impl<const DATA: usize> BlockSender<DATA> {
 
     /// The job is over without a word here, as one that was only to be checked.
     pub fn forget(&mut self) {
-        let Self { mark, ahead, unsettled, is_down, .. } = *self;
-        *self = Self { mark, ahead, unsettled, is_down, ..Self::new() };
+        let Self { is_down, mark, ahead, unsettled, .. } = *self;
+        *self = Self { is_down, mark, ahead, unsettled, ..Self::new() };
     }
 
     fn hear_mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use softplug_conformance::certify::ABI;
 use softplug_report::{
     CaseKind, Coverage, Executed, Explored, Noticed, Place, Report, Score, Shown, VerdictKind,
     explain,
@@ -76,7 +77,7 @@ pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, scr
     }
     row("cases", format!("{cases}; {}", things(u64::from(counts.runs), "run")));
     let has_model = report.cases.iter().any(|case| case.kind == CaseKind::Random);
-    if !has_model && profile.name != "abi" {
+    if !has_model && profile.name != ABI {
         row("random", "no sessions: the profile has no model".to_owned());
     }
     let fuel = &report.fuel;

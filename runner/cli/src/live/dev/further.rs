@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 use softplug_conformance::Corpus;
-use softplug_conformance::certify::{CertifyOptions, certify};
+use softplug_conformance::certify::{ABI, CertifyOptions, certify};
 use softplug_explore::{Bounds, Changes, explore, plans};
 use softplug_report::{Coverage, Report};
 
@@ -22,8 +22,6 @@ use crate::screen::{BAD, GOOD, Screen};
 const EXPLORED: Duration = Duration::from_secs(5);
 /// Places without a case that are told.
 const PLACES: usize = 3;
-/// The profile that every plug-in must fulfil.
-const ABI: &str = "abi";
 
 /// What was found, for machines.
 #[derive(Serialize)]
