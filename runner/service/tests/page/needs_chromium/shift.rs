@@ -63,15 +63,16 @@ fn send_and_watch(shop: &mut Shop) {
         let hash = shop.browser.value("location.hash");
         assert_eq!(hash, "#/links?find=lathe");
     });
-    shop.step("checking a program", |shop| {
+    shop.step("looking at a program", |shop| {
         shop.click("nav a", "Programs");
         shop.click("td a", "O1234.nc");
         shop.browser.sees("5,004 lines");
         shop.browser.sees("Everything in this program was understood.");
     });
-    shop.step("sending a program", |shop| {
+    shop.step("checking a program, and sending it", |shop| {
         shop.go_to("lathe-001");
         shop.pick("program", "O1234.nc");
+        shop.browser.sees("O1234.nc passes as it is written to lathe-001");
         shop.click("form button", "Send");
         shop.browser.sees("sending");
     });
