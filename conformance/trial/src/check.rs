@@ -130,7 +130,7 @@ where
         program: &mut (impl Read + Seek),
         size: u64,
     ) -> Result<Checked, TrialError<E, I::Fault>> {
-        let refused = match self.go(program, size, Keep::Nothing)?.end {
+        let refused = match self.go(program, size, self.setup.records, Keep::Nothing)?.end {
             Some(End::Done) => None,
             Some(End::Failed { failure, status }) => Some(Refused { failure, status, place: None }),
             Some(End::CheckFailed { failure, status, line, column }) => {

@@ -80,6 +80,8 @@ impl Fate {
 /// Finds out the fate of characters.
 pub(crate) struct Probe<'a, F> {
     trial: &'a Trial<'a, F>,
+    /// Of a job with the small program.
+    records: Vec<u8>,
     /// What is on the wire without the character.
     without: Vec<u8>,
     /// The characters that can be seen, by what is on the wire with each.
@@ -99,17 +101,18 @@ where
 {
     /// None: the plug-in does not send a small program, so that nothing can be tried.
     pub(crate) fn new(trial: &'a Trial<'a, F>) -> Result<Option<Self>, TrialError<E, I::Fault>> {
-        let Ok(without) = tried(trial, &[])? else { return Ok(None) };
+        let records = trial.setup.records_from_its_start();
+        let Ok(without) = tried(trial, &records, &[])? else { return Ok(None) };
         let mut seen: HashMap<_, Vec<char>> = HashMap::new();
         let mut is_plain = true;
         for byte in b' '..=b'~' {
-            if let Ok(wire) = tried(trial, &[byte])? {
+            if let Ok(wire) = tried(trial, &records, &[byte])? {
                 let is_itself = inserted(&without, &wire).first().map(|sent| sent & 0x7F);
                 is_plain &= !byte.is_ascii_digit() || is_itself == Some(byte);
                 seen.entry(wire).or_default().push(char::from(byte));
             }
         }
-        Ok(Some(Self { trial, without, seen, is_plain }))
+        Ok(Some(Self { trial, records, without, seen, is_plain }))
     }
 
     pub(crate) fn fate(&self, written: Written) -> Result<Fate, TrialError<E, I::Fault>> {
@@ -118,7 +121,7 @@ where
             return Ok(Fate::Passes);
         }
         let bytes = written.bytes();
-        let wire = match tried(self.trial, &bytes)? {
+        let wire = match tried(self.trial, &self.records, &bytes)? {
             Ok(wire) => wire,
             Err(refusal) => return Ok(Fate::Refused(refusal)),
         };
@@ -158,7 +161,11 @@ where
 }
 
 /// What is on the wire for a block with these bytes at its end, or why it is refused.
-fn tried<F, I, E>(trial: &Trial<'_, F>, bytes: &[u8]) -> Result<Wire, TrialError<E, I::Fault>>
+fn tried<F, I, E>(
+    trial: &Trial<'_, F>,
+    records: &[u8],
+    bytes: &[u8],
+) -> Result<Wire, TrialError<E, I::Fault>>
 where
     F: Fn() -> Result<I, E>,
     I: Instance,
@@ -166,7 +173,7 @@ where
 {
     let text = [b"N1X1", bytes, b"\nM30\n"].concat();
     let size = text.len() as u64;
-    let tried = trial.go(&mut Cursor::new(text), size, Keep::Wire)?;
+    let tried = trial.go(&mut Cursor::new(text), size, records, Keep::Wire)?;
     Ok(match tried.end {
         Some(End::Done) => Ok(tried.wire),
         Some(End::Failed { failure, status } | End::CheckFailed { failure, status, .. }) => {

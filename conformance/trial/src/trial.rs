@@ -44,6 +44,16 @@ impl<'a> Setup<'a> {
         Self { manifest, settings, line, depth: 1, job_kind: 0, records: &[], fields: &[] }
     }
 
+    /// The fields as value records, but for those that say where in the program to begin: they
+    /// belong to the program as a whole.
+    pub(crate) fn records_from_its_start(&self) -> Vec<u8> {
+        let is_of_start = |name: &str| name.starts_with("from_");
+        let fields = self.fields.iter().copied().filter(|(name, _)| !is_of_start(name));
+        let kind = self.manifest.jobs.get(usize::from(self.job_kind));
+        let records = kind.and_then(|kind| kind.records(fields).ok());
+        records.unwrap_or_else(|| self.records.to_vec())
+    }
+
     pub(crate) fn field(&self, name: &str) -> Option<&'a str> {
         self.fields.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)
     }
@@ -171,16 +181,17 @@ where
         program: &mut (impl Read + Seek),
         size: u64,
     ) -> Result<Tried, TrialError<E, I::Fault>> {
-        self.go(program, size, Keep::All)
+        self.go(program, size, self.setup.records, Keep::All)
     }
 
     pub(crate) fn go(
         &self,
         program: &mut (impl Read + Seek),
         size: u64,
+        records: &[u8],
         keep: Keep,
     ) -> Result<Tried, TrialError<E, I::Fault>> {
-        let Setup { manifest, settings, line, depth, job_kind, records, .. } = self.setup;
+        let Setup { manifest, settings, line, depth, job_kind, .. } = self.setup;
         let exchange = if keep == Keep::All { Exchange::new(line) } else { Exchange::unheard() };
         let partner = Willing::new(&self.setup, exchange.clone())?;
         let (is_dialogue, is_nobody) = (partner.is_dialogue(), partner.is_nobody());

@@ -9,11 +9,23 @@ use softplug_native::NativePlugin;
 use softplug_trial::{Budget, CheckResult, Checked, Fate, Setup, Trial};
 
 fn check(plugin: NativePlugin, set: &[(&str, &str)], data_bits: u8, program: &str) -> Checked {
+    check_with(plugin, set, &[], data_bits, program)
+}
+
+fn check_with(
+    plugin: NativePlugin,
+    set: &[(&str, &str)],
+    fields: &[(&str, &str)],
+    data_bits: u8,
+    program: &str,
+) -> Checked {
     let manifest = Manifest::parse(plugin.manifest().as_bytes()).unwrap();
     let settings = manifest.resolve_settings(set.iter().copied()).unwrap();
     let line = LineParameters { data_bits, ..LineParameters::new(9_600) };
     let job_kind = manifest.job_kind("send").unwrap();
-    let setup = Setup { job_kind, ..Setup::new(&manifest, &settings, line) };
+    let records = manifest.jobs[usize::from(job_kind)].records(fields.iter().copied()).unwrap();
+    let setup =
+        Setup { job_kind, records: &records, fields, ..Setup::new(&manifest, &settings, line) };
     let trial = Trial::new(setup, || Ok::<_, Infallible>(plugin.instantiate()), Budget::endless());
     trial.check(&mut Cursor::new(program), program.len() as u64).unwrap()
 }
@@ -74,4 +86,15 @@ fn what_a_plug_in_replaces_or_drops_is_told() {
     assert_eq!(fanuc(&[("unsupported", "drop")], 'ä'), Fate::Dropped);
     assert_eq!(fanuc(&[("unsupported", "space")], '$'), Fate::Replaced(" ".to_owned()));
     assert!(matches!(fanuc(&[], '$'), Fate::Refused(Some(_))));
+}
+
+#[test]
+fn where_a_program_begins_changes_nothing_of_its_characters() {
+    let program = "%\nO1\nN1 X1\nN2 G1\nN3 G2 g\nM30\n%\n";
+    let whole = check(NativePlugin::FanucRs232, &[], 7, program);
+    assert_eq!(whole.altered.len(), 1);
+    for field in [("from_block", "2"), ("from_block", "3"), ("from_sequence", "3")] {
+        let part = check_with(NativePlugin::FanucRs232, &[], &[field], 7, program);
+        assert_eq!(part.altered, whole.altered, "{field:?}");
+    }
 }

@@ -2,8 +2,10 @@
 //! onto the disk, renamed, and their folder brought onto the disk too.
 
 pub mod digest_text;
+mod moment;
 mod objects;
 
+pub use moment::Moment;
 pub use objects::{Object, Objects, copy};
 
 use std::fs::{self, File};

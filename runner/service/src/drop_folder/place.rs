@@ -7,6 +7,7 @@
 //! O1.nc                     put here by somebody
 //! work/.owner               whose folder it is
 //! work/CLAIM/O1.nc          claimed: it becomes a job, or is one
+//! work/CLAIM/.away          it is being put away
 //! done/O1.nc, O1.nc.txt     its last bit has left
 //! failed/O1.nc, O1.nc.txt   it has not
 //! ```
@@ -30,6 +31,8 @@ use super::settling::FileState;
 /// Names that are looked at in one go; what is more than these waits until there are fewer.
 const LISTED: usize = 20_000;
 const OWNER: &str = ".owner";
+/// In the folder of a claim: its file is about to be put away, and if it is not there, it has been.
+pub(super) const AWAY: &str = ".away";
 /// Most bytes of it.
 const OWNER_BYTES: u64 = 4_096;
 /// A claim's name: a time and a random number, in hex digits.
@@ -49,6 +52,17 @@ pub(super) struct Listing {
     pub(super) files: BTreeMap<OsString, FileState>,
     /// What is no file, and what it is.
     pub(super) odd: BTreeMap<OsString, &'static str>,
+}
+
+/// What the folder of a claim holds.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Held {
+    /// What was claimed, or what somebody has put in its place.
+    File(OsString),
+    /// Nothing: it has been put away.
+    PutAway,
+    /// Nothing, as somebody has removed it.
+    Nothing,
 }
 
 /// Whose a drop folder is.
@@ -206,10 +220,20 @@ impl Place {
         Ok(claims)
     }
 
-    /// The file of a claim; none if there is none any more.
-    pub(super) fn claimed(&self, claim: &str) -> io::Result<Option<OsString>> {
-        let folder = child(self.work.as_fd(), claim)?;
-        Ok(names(folder.as_fd())?.into_iter().min())
+    /// What stands in the folder of a claim.
+    pub(super) fn claimed(&self, claim: &str) -> io::Result<Held> {
+        let folder = match child(self.work.as_fd(), claim) {
+            Err(error) if is_missing(&error) => return Ok(Held::Nothing),
+            folder => folder?,
+        };
+        let mut names = names(folder.as_fd())?;
+        let is_away = names.iter().any(|name| name == AWAY);
+        names.retain(|name| name != AWAY);
+        Ok(match names.into_iter().min() {
+            Some(name) => Held::File(name),
+            None if is_away => Held::PutAway,
+            None => Held::Nothing,
+        })
     }
 
     /// Opens the file of a claim. `None`: it is no file.
@@ -222,16 +246,13 @@ impl Place {
         read(folder.as_fd(), name).map(Some)
     }
 
-    /// Removes the folder of a claim, if nothing is in it.
+    /// Removes the folder of a claim, if no file is in it.
     pub(super) fn forget(&self, claim: &str) {
+        if let Ok(folder) = child(self.work.as_fd(), claim) {
+            let _ = unlinkat(&folder, AWAY, AtFlags::empty());
+        }
         let _ = unlinkat(&self.work, claim, AtFlags::REMOVEDIR);
         sync(&self.work);
-    }
-
-    /// What the disk says of the file of a claim.
-    pub(super) fn size(&self, claim: &str, name: &OsStr) -> io::Result<u64> {
-        let folder = child(self.work.as_fd(), claim)?;
-        Ok(statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?.st_size as u64)
     }
 }
 
@@ -323,6 +344,11 @@ pub(super) fn sync(folder: &OwnedFd) {
     let _ = rustix::fs::fsync(folder);
 }
 
+/// Whether there is no such folder.
+fn is_missing(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
+}
+
 fn what(kind: FileType) -> &'static str {
     match kind {
         FileType::Symlink => "a symbolic link",
@@ -396,13 +422,19 @@ mod tests {
             place.claim(OsStr::new("O1.nc"), claim).unwrap();
         }
         assert_eq!(place.claims().unwrap(), [ONE, TWO]);
-        let name = place.claimed(ONE).unwrap().unwrap();
+        let Held::File(name) = place.claimed(ONE).unwrap() else { panic!("it is there") };
         let put = |claim, tag, text| place.put_away(claim, Shelf::Done, &name, tag, text).unwrap();
         assert_eq!(put(ONE, "7", "job 7"), "O1.nc");
         assert_eq!(put(TWO, "8", "job 8"), "O1-8.nc");
         assert_eq!(names_in(&at("done")), ["O1-8.nc", "O1-8.nc.txt", "O1.nc", "O1.nc.txt"]);
         assert_eq!(fs::read_to_string(at("done/O1-8.nc")).unwrap(), "second");
         assert_eq!(fs::read_to_string(at("done/O1.nc.txt")).unwrap(), "job 7");
+        // Whoever comes after a kill knows that nobody has removed them.
+        for claim in [ONE, TWO] {
+            assert_eq!(place.claimed(claim).unwrap(), Held::PutAway);
+            place.forget(claim);
+            assert_eq!(place.claimed(claim).unwrap(), Held::Nothing);
+        }
         assert_eq!(place.claims().unwrap(), [""; 0]);
     }
 

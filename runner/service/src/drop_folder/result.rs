@@ -20,6 +20,8 @@ pub(super) enum Now {
     Rewritten,
     /// It cannot be read any more.
     Unreadable,
+    /// Something that is no file is in its place.
+    NoFile,
     /// Somebody has removed it.
     Gone,
 }
@@ -33,7 +35,17 @@ pub(super) fn of_job(job: &Job, claimed: Claimed, now: Now) -> (Shelf, String) {
         format!("Job {id} is done: all of this program, {bytes} bytes, has left for \"{link}\".\n")
     } else {
         let state = job.state.name();
-        let why = job.reason.as_ref().map(|reason| format!(": {}", plain_text(&reason.text)));
+        let why = job.reason.as_ref().map(|reason| {
+            let at =
+                reason.check.as_ref().filter(|at| at.line > 0).map_or_else(String::new, |at| {
+                    format!(
+                        " (line {}, column {})",
+                        grouped(at.line.into()),
+                        grouped(at.column.into())
+                    )
+                });
+            format!(": {}{at}", plain_text(&reason.text))
+        });
         let how = job.progress(None).text;
         format!(
             "Job {id} is {state}{}.\nOf this program, {bytes} bytes, for \"{link}\": {}.\n",
@@ -66,6 +78,7 @@ pub(super) fn of_job(job: &Job, claimed: Claimed, now: Now) -> (Shelf, String) {
             "The file cannot be read any more: nobody knows whether it was written to after it was \
              taken."
         ),
+        Now::NoFile => writeln!(text, "What lies here now is no file, and not what was taken."),
         Now::Gone => writeln!(text, "Somebody has removed the file from work while it was a job."),
     };
     if !is_all {

@@ -9,7 +9,7 @@ use rustix::fs::{AtFlags, renameat, statat, unlinkat};
 use rustix::io::Errno;
 
 use super::names::put_away;
-use super::place::{Place, below, child, read, rename_to_new, sync, write_new};
+use super::place::{AWAY, Place, below, child, read, rename_to_new, sync, write_new};
 
 /// Where a file is put when all is over.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -29,7 +29,8 @@ impl Shelf {
 
 impl Place {
     /// Puts the file of a claim away, with a result beside it, and gives the name that it has then.
-    /// Broken off anywhere, it can be done again with the same text.
+    /// Broken off anywhere, it can be done again with the same text. The claim is still to be
+    /// [forgotten](Self::forget).
     pub(super) fn put_away(
         &self,
         claim: &str,
@@ -71,7 +72,6 @@ impl Place {
         }
         let placed = placed?;
         sync(&to);
-        self.forget(claim);
         Ok(placed)
     }
 }
@@ -94,6 +94,7 @@ fn place(
             Err(error) => return Err(error.into()),
         }
         sync(to);
+        write_new(from, OsStr::new(AWAY), "")?;
         match rename_to_new(from, name, to, &file) {
             Ok(()) => return Ok(file),
             Err(error @ (Errno::EXIST | Errno::NAMETOOLONG)) => {

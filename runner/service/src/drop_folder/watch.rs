@@ -1,6 +1,6 @@
 //! The thread of one drop folder.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
@@ -15,7 +15,7 @@ use softplug_gateway::store::is_open_for_writing;
 use softplug_host::Digest;
 
 use super::names::shown;
-use super::place::{Found, Place, Whose, state_of};
+use super::place::{Found, Held, Place, Whose, state_of};
 use super::result::{self, Now};
 use super::settling::{FileState, Settling};
 use super::shelf::Shelf;
@@ -97,6 +97,7 @@ impl DropFolder {
             queue,
             view: Arc::clone(&view),
             settling: Settling::default(),
+            known: BTreeSet::new(),
             told: BTreeMap::new(),
             began: Instant::now(),
         };
@@ -128,6 +129,8 @@ struct Watch<Q> {
     queue: Q,
     view: Arc<Mutex<DropView>>,
     settling: Settling,
+    /// Claims that were in this folder, and are not settled yet.
+    known: BTreeSet<String>,
     /// What could not be taken, and when it was told.
     told: BTreeMap<OsString, Duration>,
     began: Instant,
@@ -141,11 +144,14 @@ struct Looked {
     odd: BTreeMap<OsString, String>,
     /// The first thing that went wrong, and may go right at the next look.
     trouble: Option<String>,
+    /// It keeps other files from being taken.
+    is_blocked: bool,
 }
 
 impl Looked {
     fn failed(&mut self, text: impl Into<String>) {
         self.trouble.get_or_insert(text.into());
+        self.is_blocked = true;
     }
 }
 
@@ -170,7 +176,8 @@ impl<Q: Queue> Watch<Q> {
     fn look(&mut self, stopped: &Receiver<()>, looked: &mut Looked) -> Result<(), String> {
         let is_stopped =
             || !matches!(stopped.try_recv(), Err(std::sync::mpsc::TryRecvError::Empty));
-        let folder = self.config.folder.display();
+        let path = self.config.folder.clone();
+        let folder = path.display();
         let is_known =
             self.queue.is_known(&self.config.folder).map_err(|error| error.to_string())?;
         let found =
@@ -201,7 +208,9 @@ impl<Q: Queue> Watch<Q> {
             let known = self.queue.know(&self.config.folder);
             known.map_err(|error| error.to_string())?;
         }
-        for claim in place.claims().map_err(cannot)? {
+        self.known.extend(place.claims().map_err(cannot)?);
+        // Also those whose folders somebody has removed.
+        for claim in self.known.clone() {
             if is_stopped() {
                 return Ok(());
             }
@@ -214,23 +223,27 @@ impl<Q: Queue> Watch<Q> {
         let settled = self.settling.look(listing.files, self.began.elapsed(), self.config.settle);
         let mut room = self.queue.room();
         for (name, state) in settled {
-            if room == 0 || looked.trouble.is_some() || is_stopped() || self.queue.is_stopping() {
+            if room == 0 || looked.is_blocked || is_stopped() || self.queue.is_stopping() {
                 break;
             }
             if let Some(claim) = claim_one(&place, &name, state, looked) {
                 room -= 1;
                 looked.waiting -= 1;
                 self.take(&place, &claim, looked);
+                self.known.insert(claim);
             }
         }
         Ok(())
     }
 
     /// Goes on with a file that was claimed before.
-    fn settle(&self, place: &Place, claim: &str, looked: &mut Looked) {
+    fn settle(&mut self, place: &Place, claim: &str, looked: &mut Looked) {
         let claimed = match self.queue.claimed(claim) {
             Ok(Some(claimed)) => claimed,
-            Ok(None) => return self.take(place, claim, looked),
+            Ok(None) => {
+                self.known.remove(claim);
+                return self.take(place, claim, looked);
+            }
             Err(error) => return looked.failed(error.to_string()),
         };
         let job = match self.queue.job(claimed.job) {
@@ -242,10 +255,12 @@ impl<Q: Queue> Watch<Q> {
         if let Err(error) = self.put_away(place, claim, claimed, job.as_ref()) {
             return looked.failed(not_put_away(&error));
         }
-        if let Err(error) = self.queue.settle(claim) {
-            // Nobody asks for it again.
-            tracing::debug!(%error, claim, "a claim that is settled stays written down");
+        match self.queue.settle(claim) {
+            // In this order, so that a claim without its folder is one that somebody has removed.
+            Ok(()) => place.forget(claim),
+            Err(error) => tracing::debug!(%error, claim, "a claim is settled at the next look"),
         }
+        self.known.remove(claim);
     }
 
     /// Puts away the file of a claim whose job has ended; none: nobody knows any more how. Where the
@@ -258,17 +273,18 @@ impl<Q: Queue> Watch<Q> {
         job: Option<&Job>,
     ) -> io::Result<()> {
         let tag = claimed.job.to_string();
-        let file = place.claimed(claim)?;
-        let now = match (&file, job) {
-            (None, _) => Now::Gone,
-            (Some(name), Some(job)) => file_now(place, claim, name, claimed, job)?,
-            (Some(_), None) => Now::AsTaken,
+        let held = place.claimed(claim)?;
+        let now = match (&held, job) {
+            (Held::PutAway, _) => return Ok(()),
+            (Held::Nothing, _) => Now::Gone,
+            (Held::File(name), Some(job)) => file_now(place.read(claim, name), claimed, job),
+            (Held::File(_), None) => Now::AsTaken,
         };
         let (shelf, text) = match job {
             Some(job) => result::of_job(job, claimed, now),
             None => (Shelf::Failed, result::of_forgotten(claimed)),
         };
-        if let Some(name) = file {
+        if let Held::File(name) = held {
             return place.put_away(claim, shelf, &name, &tag, &text).map(drop);
         }
         let name =
@@ -289,7 +305,7 @@ impl<Q: Queue> Watch<Q> {
     /// Makes a job of a file that was claimed.
     fn take(&self, place: &Place, claim: &str, looked: &mut Looked) {
         let mut taken = || {
-            let Some(name) = place.claimed(claim)? else {
+            let Held::File(name) = place.claimed(claim)? else {
                 place.forget(claim);
                 return Ok(());
             };
@@ -315,7 +331,9 @@ impl<Q: Queue> Watch<Q> {
             Ok(())
         };
         if let Err(error) = taken() {
-            looked.failed(format!("a file of the drop folder cannot be read: {}", told(&error)));
+            // Others may be taken meanwhile.
+            let text = format!("a file of the drop folder cannot be read: {}", told(&error));
+            looked.trouble.get_or_insert(text);
         }
     }
 
@@ -323,6 +341,7 @@ impl<Q: Queue> Watch<Q> {
         let tag = &claim[claim.len() - 8..];
         let text = result::of_refused(why);
         let kept = place.put_away(claim, Shelf::Failed, name, tag, &text)?;
+        place.forget(claim);
         let text = format!(
             "{} of the drop folder is not taken: {why}; it is now failed/{}",
             shown(name),
@@ -334,7 +353,7 @@ impl<Q: Queue> Watch<Q> {
 
     /// Shows what was found; what went wrong is told once, until it goes right.
     fn show(&mut self, looked: Looked) {
-        let Looked { waiting, under_way, odd, trouble } = looked;
+        let Looked { waiting, under_way, odd, trouble, .. } = looked;
         let before = {
             let mut view = look(&self.view);
             let left_lying = odd.len() as u64;
@@ -367,28 +386,26 @@ impl<Q: Queue> Watch<Q> {
     }
 }
 
-/// What a claimed file is now, beside what was taken of it.
-fn file_now(
-    place: &Place,
-    claim: &str,
-    name: &OsStr,
-    claimed: Claimed,
-    job: &Job,
-) -> io::Result<Now> {
-    let size = place.size(claim, name)?;
-    if size != claimed.size {
-        return Ok(Now::OfSize(size));
+/// What a claimed file is now, beside what was taken of it. One that cannot be read is put away all
+/// the same.
+fn file_now(file: io::Result<Option<File>>, claimed: Claimed, job: &Job) -> Now {
+    let sized =
+        file.and_then(|file| file.map(|file| Ok((state_of(&file)?.size, file))).transpose());
+    match sized {
+        Err(_) => Now::Unreadable,
+        Ok(None) => Now::NoFile,
+        Ok(Some((size, _))) if size != claimed.size => Now::OfSize(size),
+        // Where words of a cell were left out, what was sent is shorter, and tells nothing of the file.
+        Ok(Some((size, file))) => match job.spec.data.filter(|data| data.size == size) {
+            Some(taken) => compared(file, taken.digest),
+            None => Now::AsTaken,
+        },
     }
-    // Where words of a cell were left out, what was sent is shorter, and tells nothing of the file.
-    let taken = job.spec.data.filter(|data| data.size == size);
-    Ok(taken.map_or(Now::AsTaken, |taken| compared(place.read(claim, name), taken.digest)))
 }
 
-/// A file beside what was taken of it. One that cannot be read is put away all the same.
-fn compared(file: io::Result<Option<impl Read>>, taken: Digest) -> Now {
-    let digest = |mut file| copy(&mut file, &mut io::sink()).map(|found| found.digest);
-    match file.and_then(|file| file.map(digest).transpose()) {
-        Ok(found) if found.is_none_or(|found| found == taken) => Now::AsTaken,
+fn compared(mut file: impl Read, taken: Digest) -> Now {
+    match copy(&mut file, &mut io::sink()) {
+        Ok(found) if found.digest == taken => Now::AsTaken,
         Ok(_) => Now::Rewritten,
         Err(_) => Now::Unreadable,
     }
@@ -454,11 +471,8 @@ mod tests {
     #[test]
     fn a_file_that_cannot_be_read_any_more_is_put_away_all_the_same() {
         let taken = Digest::of(b"G1");
-        assert_eq!(compared(Ok(Some(&b"G1"[..])), taken), Now::AsTaken);
-        assert_eq!(compared(Ok(Some(&b"G2"[..])), taken), Now::Rewritten);
-        assert_eq!(compared(Ok(None::<&[u8]>), taken), Now::AsTaken);
-        assert_eq!(compared(Ok(Some(Failing)), taken), Now::Unreadable);
-        let denied = io::Error::from(io::ErrorKind::PermissionDenied);
-        assert_eq!(compared(Err::<Option<&[u8]>, _>(denied), taken), Now::Unreadable);
+        assert_eq!(compared(&b"G1"[..], taken), Now::AsTaken);
+        assert_eq!(compared(&b"G2"[..], taken), Now::Rewritten);
+        assert_eq!(compared(Failing, taken), Now::Unreadable);
     }
 }

@@ -18,6 +18,7 @@ use super::loading::Prepared;
 use super::{Gateway, calls};
 use crate::Refusal;
 use crate::config::LinkConfig;
+use crate::disk::Moment;
 use crate::programs::ProgramError;
 use crate::view::{AlteredView, CheckResult, CheckView, JobOrder};
 
@@ -71,16 +72,23 @@ impl Gateway {
         let budget = Budget::units(UNITS + UNITS_A_BYTE * program.size)
             .characters(CHARACTERS)
             .stopped_by(Arc::clone(stop));
-        if let Some(channel) = self.channel_of(link)? {
-            let mut bytes = Vec::new();
-            file.take(LARGEST).read_to_end(&mut bytes).map_err(unread)?;
-            let sent = channel.sent(&bytes)?;
-            let size = sent.len() as u64;
-            return way.check(name, &job.job_kind, order, &mut Cursor::new(sent), size, budget);
+        let before = Moment::of(&file).map_err(unread)?;
+        let mut read = (&mut file).take(before.size);
+        let checked = match self.channel_of(link)? {
+            Some(channel) => {
+                let mut bytes = Vec::new();
+                read.read_to_end(&mut bytes).map_err(unread)?;
+                let sent = channel.sent(&bytes)?;
+                let size = sent.len() as u64;
+                way.check(name, &job.job_kind, order, &mut Cursor::new(sent), size, budget)
+            }
+            None => way.check(name, &job.job_kind, order, &mut read, before.size, budget),
+        };
+        if Moment::of(&file).map_err(unread)? == before {
+            return checked;
         }
-        // It may grow meanwhile.
-        let mut file = (&mut file).take(program.size);
-        way.check(name, &job.job_kind, order, &mut file, program.size, budget)
+        let text = format!("{name} was written to while it was checked; check it again");
+        Err(Refusal::Conflict(text))
     }
 }
 

@@ -10,7 +10,7 @@ use super::control::{Control, Shared};
 use super::{Gateway, calls};
 use crate::Refusal;
 use crate::config::LinkConfig;
-use crate::disk::is_full;
+use crate::disk::{Moment, is_full};
 use crate::drop_folder::{DropFolder, Dropped, NotTaken, Queue};
 use crate::jobs::{Claimed, Job, JobSpec, JobsError, Origin, Subject, Weight};
 use crate::programs::ProgramError;
@@ -183,20 +183,6 @@ impl LinkQueue {
             return Err(later(&"a file of the drop folder was written to while it was read"));
         }
         Ok(data)
-    }
-}
-
-/// What changes when somebody writes to a file.
-#[derive(PartialEq, Eq)]
-struct Moment {
-    size: u64,
-    modified: Option<std::time::SystemTime>,
-}
-
-impl Moment {
-    fn of(file: &std::fs::File) -> io::Result<Self> {
-        let found = file.metadata()?;
-        Ok(Self { size: found.len(), modified: found.modified().ok() })
     }
 }
 

@@ -1,8 +1,11 @@
 //! What a program cannot say on a link's line, asked before anything is sent.
 
 use std::fs::{self, File};
+use std::io::Write as _;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
+use std::time::Duration;
 
 use serde_json::{Value, json};
 use softplug_service::library::Library;
@@ -166,6 +169,25 @@ fn a_plug_in_that_fails_a_check_fails_nothing_else() {
         assert_eq!((&view["state"], &view["trouble"]), (&json!("idle"), &json!([])), "{name}");
         assert_eq!(view["counters"]["restarts"], 0, "{name}");
     }
+}
+
+#[test]
+fn what_is_written_to_while_it_is_checked_has_no_answer() {
+    let bench = Bench::new();
+    bench.upload("O1.nc", blocks(100_000).as_bytes()).with(201);
+    let is_over = AtomicBool::new(false);
+    thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut file = File::options().write(true).open(bench.path("programs/O1.nc")).unwrap();
+            while !is_over.load(Ordering::Relaxed) {
+                file.write_all(b"G2 ").unwrap();
+                thread::sleep(Duration::from_millis(1));
+            }
+        });
+        let detail = refused(&bench, "lathe-1", "O1.nc", 409);
+        is_over.store(true, Ordering::Relaxed);
+        assert_eq!(detail, "O1.nc was written to while it was checked; check it again");
+    });
 }
 
 #[test]

@@ -319,6 +319,60 @@ fn a_file_that_is_removed_or_rewritten_while_it_is_a_job_is_told_of_with_the_res
 }
 
 #[test]
+fn what_becomes_of_a_claims_folder_is_told_and_holds_nobody_up() {
+    let shop = shop();
+    shop.hold(0);
+    let names_of = ["O1.nc", "O2.nc", "O3.nc", "O4.nc"];
+    for name in names_of {
+        fs::write(shop.path(&format!("in/{name}")), "G1 X1\n").unwrap();
+    }
+    wait_for("the jobs", || view(&shop).under_way == 4);
+    let claims =
+        names(&shop.path("in/work")).into_iter().map(|name| String::from_utf8(name).unwrap());
+    for claim in claims.filter(|name| name != ".owner") {
+        let folder = shop.path(&format!("in/work/{claim}"));
+        let file = |name: &str| folder.join(name);
+        if file("O1.nc").exists() {
+            fs::remove_dir_all(&folder).unwrap();
+        } else if file("O2.nc").exists() {
+            fs::remove_dir_all(&folder).unwrap();
+            fs::write(&folder, "a file").unwrap();
+        } else if file("O3.nc").exists() {
+            fs::remove_file(file("O3.nc")).unwrap();
+            symlink("/etc/passwd", file("O3.nc")).unwrap();
+        }
+    }
+    shop.release(0);
+    shop.drain(0, || shop.path("in/done/O4.nc").exists());
+    let result = |name: &str| shop.path(&format!("in/done/{name}.txt"));
+    for name in names_of {
+        wait_for(name, || result(name).exists());
+    }
+    for name in ["O1.nc", "O2.nc"] {
+        assert!(text(&result(name)).contains("removed the file from work"), "{name}");
+        assert!(!shop.path(&format!("in/done/{name}")).exists());
+    }
+    assert!(text(&result("O3.nc")).contains("What lies here now is no file"));
+    assert!(!text(&result("O4.nc")).contains("file"), "{}", text(&result("O4.nc")));
+    // The next one is taken as ever, and nothing is told twice.
+    fs::write(shop.path("in/O5.nc"), "G1 X1\n").unwrap();
+    shop.drain(0, || shop.path("in/done/O5.nc").exists());
+    sleep(A_WHILE);
+    let done = names(&shop.path("in/done"));
+    let texts = done.iter().filter(|name| name.ends_with(b".txt")).count();
+    assert_eq!(texts, 5, "{done:?}");
+}
+
+#[test]
+fn what_the_plug_in_refuses_says_where_it_stands() {
+    let shop = shop();
+    fs::write(shop.path("in/O1.nc"), b"G1 X1\nG1 \x13 X2\n").unwrap();
+    wait_for("the result", || shop.path("in/failed/O1.nc.txt").exists());
+    let said = text(&shop.path("in/failed/O1.nc.txt"));
+    assert!(said.contains("cannot be sent on this link (line 2, column 4)"), "{said}");
+}
+
+#[test]
 fn a_folder_that_is_given_up_with_jobs_under_way_is_told_of() {
     let shop = shop();
     shop.hold(0);
