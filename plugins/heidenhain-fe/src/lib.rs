@@ -18,10 +18,10 @@ use frame::{EOT, Reader, Text};
 use line::heard;
 use receiver::Receiver;
 use sender::Sender;
-use softplug_plugin::parts::{Answers, Part, PartEvent, StateName, TimerName, Timers};
+use softplug_plugin::parts::{Answers, StateName, TimerName, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, State, Unread, Value, Values, state_format, timers,
+    NoteLevel, Opening, State, Unread, Value, Values, parts, state_format, timers,
 };
 use stage::Stage;
 
@@ -94,11 +94,7 @@ impl Converter for HeidenhainFe {
         }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.timers.hear(link, event);
-        self.answers.hear(link, event);
-        self.sender.job.hear(link, event);
-    }
+    parts!(timers, answers, sender.job);
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         if opening.resumed {

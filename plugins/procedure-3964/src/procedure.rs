@@ -4,10 +4,9 @@ use crate::Options;
 use crate::machine::Machine;
 use core::fmt::Debug;
 use core::marker::PhantomData;
-use softplug_plugin::parts::{Part, PartEvent};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    Opening, RawValue, SettingSet, State, state_format,
+    Opening, RawValue, SettingSet, State, parts, state_format,
 };
 
 /// What one plug-in of the family adds: its settings with their defaults, and its manifest.
@@ -63,9 +62,7 @@ impl<V: Variant> Converter for Procedure<V> {
         Self { machine: Machine::new(settings.options), variant: PhantomData }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.machine.timers.hear(link, event);
-    }
+    parts!(machine.timers);
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         self.machine.opened(link, opening);

@@ -17,10 +17,10 @@ pub use settings::{Mode, Padding, Settings};
 use block::{CALL, CAN, LONG, NAK};
 use receiver::Receiver;
 use sender::Sender;
-use softplug_plugin::parts::{Answers, Part, PartEvent, StateName, TimerName, Timers};
+use softplug_plugin::parts::{Answers, StateName, TimerName, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, State, Unread, state_format, timers,
+    NoteLevel, Opening, State, Unread, parts, state_format, timers,
 };
 use stage::Stage;
 
@@ -85,10 +85,7 @@ impl Converter for Xmodem {
         }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.timers.hear(link, event);
-        self.answers.hear(link, event);
-    }
+    parts!(timers, answers);
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         self.is_narrow = opening.line.data_bits < 8;

@@ -17,10 +17,10 @@ pub use settings::{ControlInData, LineEnd, OnLineError, Settings, WhileSending};
 use codes::{Codes, Control};
 use receiver::{Receiver, Timer};
 use sender::Sender;
-use softplug_plugin::parts::{Part, PartEvent, TimerName};
+use softplug_plugin::parts::TimerName;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, State, state_format,
+    NoteLevel, Opening, State, parts, state_format,
 };
 use state::Name;
 
@@ -62,10 +62,7 @@ impl Converter for XonXoff {
         }
     }
 
-    #[inline]
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.receiver.timers.hear(link, event);
-    }
+    parts!(receiver.timers);
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         self.sender.set_plain(&self.settings);

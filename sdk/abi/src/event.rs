@@ -368,27 +368,30 @@ impl<'a> Event<'a> {
     }
 
     /// Reads an event and gives it to `taker`, if it is well formed.
-    #[inline]
+    #[inline(always)]
     pub fn decode_for<T: TakeEvent<'a>>(
         kind: EventKind,
         payload: &'a [u8],
         taker: T,
     ) -> Result<T::Taken, MalformedReason> {
-        Self::read(kind, &mut Reader::new(payload), taker)
+        let mut reader = Reader::new(payload);
+        Self::read(kind, &mut reader, taker).ok_or_else(|| reader.reason())
     }
 
+    /// Takes an event from all that is left of a payload, and gives it to `taker`, if it is well formed; else the
+    /// reader [keeps](Reader::end) what is wrong.
     #[inline(always)]
-    fn read<T: TakeEvent<'a>>(
+    pub fn read<T: TakeEvent<'a>>(
         kind: EventKind,
         r: &mut Reader<'a>,
         taker: T,
-    ) -> Result<T::Taken, MalformedReason> {
+    ) -> Option<T::Taken> {
         // In one place for all: a fault ends at the bottom.
         macro_rules! give {
             ($event:expr) => {{
                 let event = $event;
                 if r.is_sound() {
-                    return Ok(taker.take(event));
+                    return Some(taker.take(event));
                 }
             }};
         }
@@ -464,7 +467,7 @@ impl<'a> Event<'a> {
             }
             EventKind::Continue => give!(Self::Continue),
         }
-        Err(r.reason())
+        None
     }
 }
 

@@ -103,6 +103,26 @@ pub struct RawValue<'a> {
 }
 
 impl<'a> RawValue<'a> {
+    /// Takes a record from the front; a fault is kept by the reader.
+    ///
+    /// ```
+    /// use softplug_abi::RawValue;
+    /// use softplug_abi::wire::Reader;
+    ///
+    /// let mut reader = Reader::new(&[0, 0, 1, 0, 1, 0, 1]);
+    /// assert_eq!(RawValue::read(&mut reader).bool(), Some(true));
+    /// assert_eq!(reader.end(), Ok(()));
+    /// RawValue::read(&mut reader);
+    /// assert!(reader.has_failed());
+    /// ```
+    pub fn read(reader: &mut Reader<'a>) -> Self {
+        let (index, kind) = (reader.u16(), reader.u8());
+        reader.zeros(1);
+        let length = usize::from(reader.u16());
+        reader.require("length", length <= VALUE_BYTES);
+        Self { index, kind, payload: reader.bytes(length) }
+    }
+
     /// The flag, if it is one.
     pub fn bool(&self) -> Option<bool> {
         match (self.kind, self.payload) {
@@ -180,14 +200,10 @@ pub struct RawValues<'a> {
 impl<'a> RawValues<'a> {
     fn record(&self) -> Result<RawValue<'a>, MalformedReason> {
         let mut reader = Reader::new(self.bytes.get(self.at..).unwrap_or_default());
-        let (index, kind) = (reader.u16(), reader.u8());
-        reader.zeros(1);
-        let length = usize::from(reader.u16());
-        reader.require("length", length <= VALUE_BYTES);
-        let payload = reader.bytes(length);
+        let record = RawValue::read(&mut reader);
         reader.rest();
         reader.end()?;
-        Ok(RawValue { index, kind, payload })
+        Ok(record)
     }
 }
 

@@ -220,6 +220,11 @@ impl<'a> Reader<'a> {
         meaning.unwrap_or(otherwise)
     }
 
+    /// Whether nothing is left.
+    pub fn is_empty(&self) -> bool {
+        self.rest.is_empty()
+    }
+
     /// Takes all that is left.
     pub fn rest(&mut self) -> &'a [u8] {
         core::mem::take(&mut self.rest)
@@ -258,8 +263,9 @@ impl<'a> Reader<'a> {
         self.fault.is_some()
     }
 
+    /// Whether all was there, in range, and nothing is left.
     #[inline(never)]
-    pub(crate) fn is_sound(&self) -> bool {
+    pub fn is_sound(&self) -> bool {
         self.fault.is_none() && self.rest.is_empty()
     }
 

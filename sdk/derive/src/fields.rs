@@ -1,14 +1,16 @@
 //! The state of a structure: its fields, one after the other.
 
 use proc_macro2::TokenStream;
-use quote::{format_ident, quote};
-use syn::{DeriveInput, Fields, Index, Member, Result};
+use quote::quote;
+use syn::ext::IdentExt as _;
+use syn::{DeriveInput, Error, Fields, Index, Member, Result};
 
 use crate::attributes::{self, OfField};
 
 pub(crate) fn implement(input: &DeriveInput, fields: &Fields) -> Result<TokenStream> {
     let name = &input.ident;
     let (generics, arguments, bounds) = input.generics.split_for_impl();
+    let mut names = name.to_string();
     let mut saves = Vec::new();
     let mut restores = Vec::new();
     for (place, field) in fields.iter().enumerate() {
@@ -20,10 +22,14 @@ pub(crate) fn implement(input: &DeriveInput, fields: &Fields) -> Result<TokenStr
             Some(name) => Member::Named(name.clone()),
             None => Member::Unnamed(Index::from(place)),
         };
-        let text = match &field.ident {
-            Some(field) => format!("{name}.{}", format_ident!("{field}")),
-            None => format!("{name}.{place}"),
-        };
+        names.push('\n');
+        names.push_str(&match &field.ident {
+            Some(field) => field.unraw().to_string(),
+            None => place.to_string(),
+        });
+        let number = u8::try_from(saves.len() + 1).map_err(|_| {
+            Error::new_spanned(name, "a structure of a state has at most 255 fields")
+        })?;
         saves.push(quote! {
             ::softplug_plugin::State::save(&self.#member, state);
         });
@@ -35,7 +41,7 @@ pub(crate) fn implement(input: &DeriveInput, fields: &Fields) -> Result<TokenStr
             }
         });
         let restore = quote! {
-            state.field(&#text);
+            state.field_of(NAMES, #number);
             ::softplug_plugin::State::restore(&mut self.#member, state);
             #range
         };
@@ -45,9 +51,8 @@ pub(crate) fn implement(input: &DeriveInput, fields: &Fields) -> Result<TokenStr
         });
     }
     let check = attributes::check(&input.attrs)?.map(|check| {
-        let text = name.to_string();
         quote! {
-            state.field(&#text);
+            state.field_of(NAMES, 0);
             if !#check(self) {
                 state.refuse();
             }
@@ -60,6 +65,7 @@ pub(crate) fn implement(input: &DeriveInput, fields: &Fields) -> Result<TokenStr
             }
 
             fn restore(&mut self, state: &mut ::softplug_plugin::StateReader<'_>) {
+                const NAMES: &&str = &#names;
                 #(#restores)*
                 #check
             }

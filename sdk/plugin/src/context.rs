@@ -188,7 +188,7 @@ impl<'a> Context<'a> {
     }
 
     /// Sets timer `id` (0 to 15) to an absolute time; one in the past runs out now.
-    #[inline]
+    #[inline(never)]
     pub fn set_timer(&mut self, id: u8, deadline: Micros) {
         fitted_here(self.writer.set_timer(id, deadline));
     }

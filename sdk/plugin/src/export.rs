@@ -118,11 +118,12 @@ impl<C: Converter> Cell<C> {
         match machine.step(kind, payload, Micros(now_us), output, state) {
             Ok((written, false)) => written as i32,
             Ok((written, true)) => written as i32 | MORE_OUTPUT,
-            Err((refusal, text)) => {
+            Err(refusal) => {
                 let mut words = Words::begin(words);
+                let (text, wrong) = machine.why();
                 words.push(text.as_bytes());
-                if let Some(error) = machine.wrong() {
-                    words.push(error.place().as_bytes());
+                if let Some(error) = wrong {
+                    error.tell(|piece| words.push(piece));
                 }
                 -i32::from(refusal.code())
             }
@@ -219,18 +220,11 @@ impl<'a> Words<'a> {
         self.set_length();
     }
 
-    fn number(&mut self, mut value: u32) {
-        let mut digits = [b'0'; 10];
-        let mut first = digits.len();
-        for (at, digit) in digits.iter_mut().enumerate().rev() {
-            *digit += (value % 10) as u8;
-            first = at;
-            value /= 10;
-            if value == 0 {
-                break;
-            }
+    fn number(&mut self, value: u32) {
+        if value >= 10 {
+            self.number(value / 10);
         }
-        self.push(digits.get(first..).unwrap_or_default());
+        self.push(&[b'0' + (value % 10) as u8]);
     }
 }
 

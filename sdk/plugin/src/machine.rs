@@ -4,15 +4,16 @@ use crate::context::{Context, Rooms};
 use crate::state::{StateReader, emit, measure};
 use crate::{Converter, JobStart, Opening, PartEvent, SettingSet, StateError};
 use softplug_abi::limits::STATE_BYTES;
-use softplug_abi::wire::copy;
-use softplug_abi::{Event, EventKind, Micros, Refusal, TakeEvent};
+use softplug_abi::wire::{Reader, copy};
+use softplug_abi::{Event, EventKind, Micros, RawValue, Refusal, TakeEvent, Values};
 
 const RECEIVED: i32 = EventKind::Received as i32;
 const JOB_DATA: i32 = EventKind::JobData as i32;
+const MISSING: &str = "a setting has no value";
 
-/// What a step gave: length of the output and whether more is to come, or why
-/// the event was not taken. Behind that stands [`Machine::wrong`].
-pub(crate) type Stepped = Result<(usize, bool), (Refusal, &'static str)>;
+/// What a step gave: length of the output and whether more is to come, or that the event
+/// was not taken. [`Machine::why`] says why.
+pub(crate) type Stepped = Result<(usize, bool), Refusal>;
 
 /// As an `Option`, but all zeros where it is empty: such a static takes no space
 /// in a module.
@@ -35,16 +36,13 @@ impl<C: Converter> Machine<C> {
         Self { core: Core::new(), rooms: Rooms { transmit: 0, delivery: 0 } }
     }
 
-    /// Why a state was refused; it follows the text.
-    pub(crate) fn wrong(&self) -> Option<StateError> {
-        self.core.wrong
+    /// Why an event was not taken, and which field of a state because of which it was not.
+    pub(crate) fn why(&self) -> (&'static str, Option<StateError>) {
+        (self.core.why.unwrap_or_default(), self.core.wrong)
     }
 
     /// One event. `code` and `payload` are what the host gave; `state` gathers
     /// the pieces of a state to restore.
-    ///
-    /// Most events carry bytes: these go straight to the converter, past the code that takes
-    /// the others apart and the stack that it needs.
     #[inline]
     pub(crate) fn step(
         &mut self,
@@ -54,59 +52,13 @@ impl<C: Converter> Machine<C> {
         output: &mut [u8],
         state: &mut [u8],
     ) -> Stepped {
-        if let Slot::Full(converter) = &mut self.core.converter {
-            if code == RECEIVED && !payload.is_empty() {
-                self.core.saving = None;
-                let mut link = Context::new(output, now, &mut self.rooms);
-                converter.received(&mut link, payload);
-                converter.after(&mut link);
-                return Ok(link.finish());
-            }
-            if code == JOB_DATA
-                && let Some((job, bytes)) = payload.split_first_chunk()
-                && *job != [0; 4]
-                && !bytes.is_empty()
-            {
-                self.core.saving = None;
-                let mut link = Context::new(output, now, &mut self.rooms);
-                converter.parts(&mut link, &PartEvent::JobData(bytes));
-                converter.job_data(&mut link, u32::from_le_bytes(*job), bytes);
-                converter.after(&mut link);
-                return Ok(link.finish());
-            }
+        let Self { core, rooms } = self;
+        let mut link = Context::new(output, now, rooms);
+        if !core.takes_bytes(&mut link, code, payload) {
+            core.step(&mut link, code, payload, state)?;
         }
-        self.step_any(code, payload, now, output, state)
-    }
-
-    /// Any event.
-    #[cfg_attr(target_arch = "wasm32", inline(never))]
-    fn step_any(
-        &mut self,
-        code: i32,
-        payload: &[u8],
-        now: Micros,
-        output: &mut [u8],
-        state: &mut [u8],
-    ) -> Stepped {
-        let kind = u16::try_from(code).ok().and_then(EventKind::from_code);
-        let kind = kind.ok_or((Refusal::UnknownEvent, ""))?;
-        let core = &mut self.core;
-        if kind != EventKind::Continue {
-            core.saving = None;
-        }
-        let mut link = Context::new(output, now, &mut self.rooms);
-        let taker = Step { core, link: &mut link, state };
-        let taken = Event::decode_for(kind, payload, taker);
-        taken.map_err(|_| (Refusal::MalformedEvent, ""))??;
-        if let Some(offset) = core.saving
-            && let Slot::Full(converter) = &core.converter
-        {
-            let more = save(converter, &mut link, offset);
-            core.saving = more;
-            let (length, _) = link.finish();
-            return Ok((length, more.is_some()));
-        }
-        Ok(link.finish())
+        let (length, again) = link.finish();
+        Ok((length, again || core.saving.is_some()))
     }
 }
 
@@ -119,7 +71,9 @@ struct Core<C: Converter> {
     /// Where the next piece of a save begins.
     saving: Option<usize>,
     restored_length: usize,
-    /// Why a state was refused.
+    /// Why the last event was not taken, where there is more to say than its refusal.
+    why: Option<&'static str>,
+    /// The field because of which a state was refused.
     wrong: Option<StateError>,
 }
 
@@ -131,28 +85,111 @@ impl<C: Converter> Core<C> {
             next_setting: 0,
             saving: None,
             restored_length: 0,
+            why: None,
             wrong: None,
         }
     }
 
-    fn settings(
+    #[inline(never)]
+    fn refuse(&mut self, refusal: Refusal, why: &'static str) -> Result<(), Refusal> {
+        self.why = Some(why);
+        Err(refusal)
+    }
+
+    /// Most events carry bytes: these go straight to the converter, past the code that takes
+    /// the others apart and the stack that it needs. Whether this was one.
+    #[inline]
+    fn takes_bytes(&mut self, link: &mut Context<'_>, code: i32, payload: &[u8]) -> bool {
+        let Slot::Full(converter) = &mut self.converter else { return false };
+        if code == RECEIVED && !payload.is_empty() {
+            converter.received(link, payload);
+        } else if code == JOB_DATA
+            && let Some((job, bytes)) = payload.split_first_chunk()
+            && *job != [0; 4]
+            && !bytes.is_empty()
+        {
+            converter.parts(link, &PartEvent::JobData(bytes));
+            converter.job_data(link, u32::from_le_bytes(*job), bytes);
+        } else {
+            return false;
+        }
+        self.saving = None;
+        converter.after(link);
+        true
+    }
+
+    /// Any event.
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
+    fn step(
         &mut self,
-        first: bool,
-        last: bool,
-        values: softplug_abi::Values<'_>,
-    ) -> Result<(), (Refusal, &'static str)> {
+        link: &mut Context<'_>,
+        code: i32,
+        payload: &[u8],
+        state: &mut [u8],
+    ) -> Result<(), Refusal> {
+        (self.why, self.wrong) = (None, None);
+        let kind = u16::try_from(code).ok().and_then(EventKind::from_code);
+        let kind = kind.ok_or(Refusal::UnknownEvent)?;
+        if kind != EventKind::Continue {
+            self.saving = None;
+        }
+        let malformed = Refusal::MalformedEvent;
+        let mut reader = Reader::new(payload);
+        // Each kind by its name: the code for the others is then left out.
+        macro_rules! begin {
+            ($kind:expr) => {{
+                let taker = Beginning { core: self, link, state };
+                return Event::read($kind, &mut reader, taker).ok_or(malformed)?;
+            }};
+        }
+        match kind {
+            EventKind::Settings => begin!(EventKind::Settings),
+            EventKind::Open => begin!(EventKind::Open),
+            EventKind::Restore => begin!(EventKind::Restore),
+            _ => {}
+        }
+        let Slot::Full(converter) = &mut self.converter else { return self.is_not_open() };
+        let is_saving = self.saving.is_some();
+        let taker = Opened { converter, link, is_saving };
+        Event::read(kind, &mut reader, taker).ok_or(malformed)?;
+        match kind {
+            EventKind::Close => {
+                self.converter = Slot::Empty;
+                return Ok(());
+            }
+            EventKind::Save => self.saving = Some(0),
+            _ => {}
+        }
+        match self.saving {
+            Some(offset) => self.saving = save(converter, link, offset),
+            None => converter.after(link),
+        }
+        Ok(())
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn is_not_open(&mut self) -> Result<(), Refusal> {
+        self.refuse(Refusal::MalformedEvent, "the link is not open")
+    }
+
+    fn settings(&mut self, first: bool, last: bool, values: Values<'_>) -> Result<(), Refusal> {
         if first {
             self.settings = Slot::Full(C::Settings::unset());
             self.next_setting = 0;
         }
         let Slot::Full(settings) = &mut self.settings else {
-            return Err((Refusal::MalformedEvent, "the first settings are missing"));
+            return self.refuse(Refusal::MalformedEvent, MISSING);
         };
-        for value in values.raw() {
-            let value = value.map_err(|_| (Refusal::MalformedEvent, ""))?;
+        let mut reader = Reader::new(values.as_bytes());
+        while !reader.is_empty() {
+            let value = RawValue::read(&mut reader);
+            if reader.has_failed() {
+                return Err(Refusal::MalformedEvent);
+            }
             let index = value.index;
             if index != self.next_setting || !settings.set(index, &value) {
-                return Err((Refusal::Settings, "a setting is of another type or order"));
+                return self.refuse(Refusal::Settings, "a setting is of another type or order");
             }
             self.next_setting += 1;
         }
@@ -160,25 +197,25 @@ impl<C: Converter> Core<C> {
             return Ok(());
         }
         if self.next_setting != C::Settings::COUNT {
-            return Err((Refusal::Settings, "a setting has no value"));
+            return self.refuse(Refusal::Settings, MISSING);
         }
-        C::check_settings(settings).map_err(|text| (Refusal::Settings, text))
+        match C::check_settings(settings) {
+            Ok(()) => Ok(()),
+            Err(text) => self.refuse(Refusal::Settings, text),
+        }
     }
 
     /// Makes a converter with the settings that were given, in its place: the stack
     /// of a plug-in does not hold several of them.
     #[inline(never)]
-    fn begin(&mut self) -> Result<&mut C, (Refusal, &'static str)> {
+    fn begin(&mut self) -> Result<(), Refusal> {
         let settings = match &self.settings {
             Slot::Full(settings) if self.next_setting == C::Settings::COUNT => *settings,
             Slot::Empty if C::Settings::COUNT == 0 => C::Settings::unset(),
-            _ => return Err((Refusal::MalformedEvent, "open came before the settings")),
+            _ => return self.refuse(Refusal::MalformedEvent, MISSING),
         };
         self.converter = Slot::Full(C::new(settings));
-        match &mut self.converter {
-            Slot::Full(converter) => Ok(converter),
-            Slot::Empty => unreachable!(),
-        }
+        Ok(())
     }
 
     fn restore(
@@ -188,32 +225,30 @@ impl<C: Converter> Core<C> {
         total: u32,
         bytes: &[u8],
         state: &mut [u8],
-    ) -> Result<(), (Refusal, &'static str)> {
-        let refused = |text| Err((Refusal::State, text));
+    ) -> Result<(), Refusal> {
         if offset == 0 {
             self.restored_length = 0;
         }
         if offset as usize != self.restored_length || total > STATE_BYTES {
-            return refused("a piece of the state is missing");
+            return self.refuse(Refusal::State, "a piece of the state is missing");
         }
         let end = self.restored_length + bytes.len();
         let Some(place) = state.get_mut(self.restored_length..end) else {
-            return refused("the state is too long");
+            return self.refuse(Refusal::State, "the state is too long");
         };
         copy(place, bytes);
         self.restored_length = end;
         if end < total as usize {
             return Ok(());
         }
-        let converter = self.begin()?;
+        self.begin()?;
+        let Slot::Full(converter) = &mut self.converter else { return Ok(()) };
         let mut reader = StateReader::new(format, state.get(..end).unwrap_or_default());
         let taken = converter.restore(format, &mut reader).and_then(|()| reader.end());
-        if let Err(error) = taken {
-            self.converter = Slot::Empty;
-            self.wrong = Some(error);
-            return refused(StateError::TEXT);
-        }
-        Ok(())
+        let Err(error) = taken else { return Ok(()) };
+        self.converter = Slot::Empty;
+        self.wrong = Some(error);
+        self.refuse(Refusal::State, StateError::TEXT)
     }
 }
 
@@ -225,15 +260,15 @@ fn save<C: Converter>(converter: &C, link: &mut Context<'_>, offset: usize) -> O
     (next < total).then_some(next)
 }
 
-/// Gives one event to the converter.
-struct Step<'m, 'l, C: Converter> {
+/// Takes the events before a link is there, and the one that it is.
+struct Beginning<'m, 'l, C: Converter> {
     core: &'m mut Core<C>,
     link: &'m mut Context<'l>,
     state: &'m mut [u8],
 }
 
-impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
-    type Taken = Result<(), (Refusal, &'static str)>;
+impl<'a, C: Converter> TakeEvent<'a> for Beginning<'_, '_, C> {
+    type Taken = Result<(), Refusal>;
 
     #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn take(self, event: Event<'a>) -> Self::Taken {
@@ -244,45 +279,57 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
                 if taken.is_err() {
                     core.settings = Slot::Empty;
                 }
-                return taken;
+                taken
             }
             Event::Restore { format, offset, total, bytes } => {
-                return core.restore(format, offset, total, bytes, state);
+                core.restore(format, offset, total, bytes, state)
             }
-            Event::Open { resumed: false, .. } => _ = core.begin()?,
-            _ => {}
+            Event::Open { resumed, line, transmit_room, delivery_room } => {
+                if !resumed {
+                    core.begin()?;
+                }
+                let Slot::Full(converter) = &mut core.converter else {
+                    return core.is_not_open();
+                };
+                link.set_rooms(transmit_room, delivery_room);
+                let heard = if resumed { PartEvent::Resumed } else { PartEvent::LinkUp };
+                converter.parts(link, &heard);
+                converter.opened(link, &Opening { resumed, line, delivery_room });
+                converter.after(link);
+                Ok(())
+            }
+            // By `Opened`.
+            _ => Ok(()),
         }
-        let Slot::Full(converter) = &mut core.converter else {
-            return Err((Refusal::MalformedEvent, "the link is not open"));
-        };
+    }
+}
+
+/// Gives one event to the converter of a link that is open.
+struct Opened<'m, 'l, C: Converter> {
+    converter: &'m mut C,
+    link: &'m mut Context<'l>,
+    is_saving: bool,
+}
+
+impl<'a, C: Converter> TakeEvent<'a> for Opened<'_, '_, C> {
+    type Taken = ();
+
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    fn take(self, event: Event<'a>) {
+        let Self { converter, link, is_saving } = self;
         if let Some(heard) = heard_by_parts(link, &event) {
             converter.parts(link, &heard);
         }
         match event {
-            Event::Open { resumed, line, delivery_room, .. } => {
-                converter.opened(link, &Opening { resumed, line, delivery_room });
-            }
-            Event::Close => {
-                converter.closed(link);
-                core.converter = Slot::Empty;
-                return Ok(());
-            }
+            Event::Close => converter.closed(link),
             Event::LineError { kind, byte, span } => converter.line_error(link, kind, byte, span),
             Event::ModemLines { known, on } => converter.modem_lines(link, known, on),
             Event::LinkDown(reason) => converter.link_down(link, reason),
             Event::LinkUp => converter.link_up(link),
-            Event::Timer { id, deadline } => {
-                converter.timer(link, id, deadline);
-            }
-            Event::Mark { mark, state } => {
-                converter.mark(link, mark, state);
-            }
-            Event::TransmitRoom { .. } => {
-                converter.transmit_room(link);
-            }
-            Event::Discarded { bytes } => {
-                converter.discarded(link, bytes);
-            }
+            Event::Timer { id, deadline } => converter.timer(link, id, deadline),
+            Event::Mark { mark, state } => converter.mark(link, mark, state),
+            Event::TransmitRoom { .. } => converter.transmit_room(link),
+            Event::Discarded { bytes } => converter.discarded(link, bytes),
             Event::DeliveryRoom { grown } => {
                 link.grow_delivery_room(grown);
                 converter.delivery_room(link);
@@ -290,35 +337,24 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
             Event::JobBegin { job, kind, pass, size, fields } => {
                 converter.job_begin(link, JobStart { job, kind, pass, size, fields });
             }
-            Event::JobEnd { job } => {
-                converter.job_end(link, job);
-            }
-            Event::Pause { job } => {
-                converter.pause(link, job);
-            }
-            Event::Resume { job } => {
-                converter.resume(link, job);
-            }
+            Event::JobEnd { job } => converter.job_end(link, job),
+            Event::Pause { job } => converter.pause(link, job),
+            Event::Resume { job } => converter.resume(link, job),
             Event::Abort { job } => converter.abort(link, job),
             Event::ForceResume => converter.force_resume(link),
             Event::Answer { request, refused, more, bytes } => {
                 converter.answer(link, request, refused.map_or(Ok(bytes), Err), more);
             }
-            Event::Save => {
-                core.saving = Some(0);
-                return Ok(());
-            }
-            // Of a save, if one is under way: the caller writes the rest.
-            Event::Continue if core.saving.is_some() => return Ok(()),
-            Event::Continue => converter.more(link),
-            // The first two above; the others by `Machine::step`, if there is a converter.
-            Event::Settings { .. }
-            | Event::Restore { .. }
-            | Event::Received(_)
-            | Event::JobData { .. } => {}
+            Event::Continue if !is_saving => converter.more(link),
+            // Of a save; the caller writes it.
+            Event::Save | Event::Continue => {}
+            // Taken by `Core::takes_bytes` and `Beginning`.
+            Event::Received(_)
+            | Event::JobData { .. }
+            | Event::Settings { .. }
+            | Event::Open { .. }
+            | Event::Restore { .. } => {}
         }
-        converter.after(link);
-        Ok(())
     }
 }
 
@@ -326,10 +362,6 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
 #[cfg_attr(target_arch = "wasm32", inline(always))]
 fn heard_by_parts<'a>(link: &mut Context<'_>, event: &Event<'a>) -> Option<PartEvent<'a>> {
     Some(match *event {
-        Event::Open { resumed, transmit_room, delivery_room, .. } => {
-            link.set_rooms(transmit_room, delivery_room);
-            if resumed { PartEvent::Resumed } else { PartEvent::LinkUp }
-        }
         Event::Timer { id, .. } => PartEvent::Timer { id },
         Event::Mark { mark, state } => PartEvent::Mark { mark, state },
         Event::TransmitRoom { grown } => {

@@ -73,14 +73,18 @@ pub struct NativeFault {
     pub refusal: Refusal,
     /// In the converter's words.
     pub words: &'static str,
-    /// What stands behind them: where a saved state cannot be taken.
-    pub place: &'static str,
+    /// Where a saved state cannot be taken.
+    pub wrong: Option<StateError>,
 }
 
 impl fmt::Display for NativeFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "refused: {}", self.refusal.text())?;
-        if self.words.is_empty() { Ok(()) } else { write!(f, " ({}{})", self.words, self.place) }
+        match self.wrong {
+            Some(error) => write!(f, " ({error})"),
+            None if self.words.is_empty() => Ok(()),
+            None => write!(f, " ({})", self.words),
+        }
     }
 }
 
@@ -97,7 +101,7 @@ impl<C: Converter> Instance for Native<C> {
         let too_long = NativeFault {
             refusal: Refusal::MalformedEvent,
             words: "the event is longer than the input buffer",
-            place: "",
+            wrong: None,
         };
         let length = event.encode(&mut self.input[..]).map_err(|_| too_long)?;
         let code = i32::from(event.kind().code());
@@ -108,9 +112,9 @@ impl<C: Converter> Instance for Native<C> {
             &mut self.output[..],
             &mut self.state[..],
         );
-        let (length, more) = stepped.map_err(|(refusal, words)| {
-            let place = self.machine.wrong().map_or("", StateError::place);
-            NativeFault { refusal, words, place }
+        let (length, more) = stepped.map_err(|refusal| {
+            let (words, wrong) = self.machine.why();
+            NativeFault { refusal, words, wrong }
         })?;
         Ok(Output { actions: &self.output[..length], more })
     }

@@ -10,44 +10,62 @@ use softplug_abi::{Action, Failure, Micros};
 /// ```
 /// use softplug_plugin::StateError;
 ///
-/// let error = StateError::at(&"Sender.given");
-/// assert_eq!(error.to_string(), "the saved state cannot be taken: Sender.given");
-/// assert_eq!(error.place(), "Sender.given");
+/// let error = StateError::at(&"given");
+/// assert_eq!(error.to_string(), "the saved state cannot be taken: given");
 /// ```
-// One thin pointer: it is in the result of everything that restores, and a plug-in is small.
 #[derive(Copy, Clone, PartialEq, Eq)]
-pub struct StateError(&'static &'static str);
+pub struct StateError {
+    /// A name; or that of a structure, and those of its fields, each on a line of its own.
+    /// As a thin pointer, and each structure's names once: a plug-in is small.
+    names: &'static &'static str,
+    /// Which of the structure's fields, from 1; 0: the structure, or what else the name says.
+    field: u8,
+}
 
 impl StateError {
     /// It was saved in a format that is not taken.
-    pub const FORMAT: Self = Self(&"its format");
+    pub const FORMAT: Self = Self::at(&"its format");
     /// It is damaged, and nobody said where.
-    pub const DAMAGED: Self = Self(&"damaged");
+    pub const DAMAGED: Self = Self::at(&"damaged");
     /// What stands in front of the place, for people.
     pub(crate) const TEXT: &'static str = "the saved state cannot be taken: ";
 
-    /// This field cannot be what it is, or is not there as a whole.
-    pub const fn at(field: &'static &'static str) -> Self {
-        Self(field)
+    /// What is called so cannot be what it is, or is not there as a whole.
+    pub const fn at(name: &'static &'static str) -> Self {
+        Self { names: name, field: 0 }
     }
 
-    /// The field that is wrong, with the name of its structure in front; `its format`, `its end` or
-    /// `damaged` if it is none.
-    pub const fn place(self) -> &'static str {
-        self.0
+    /// What is wrong, in pieces to be joined: `Sender.given`; `its format`, `its end` or `damaged`
+    /// if it is no field. By hand: the library's ways to split a text would be 0.7 KB of every plug-in.
+    pub(crate) fn tell(self, mut push: impl FnMut(&'static [u8])) {
+        let mut line = 0;
+        for byte in self.names.as_bytes() {
+            if *byte == b'\n' {
+                line += 1;
+                if line == self.field {
+                    push(b".");
+                }
+            } else if line == 0 || line == self.field {
+                push(core::slice::from_ref(byte));
+            }
+        }
     }
 }
 
 impl fmt::Display for StateError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(Self::TEXT)?;
-        f.write_str(self.0)
+        let mut told = Ok(());
+        self.tell(|piece| {
+            told = told.and_then(|()| f.write_str(core::str::from_utf8(piece).unwrap_or_default()));
+        });
+        told
     }
 }
 
 impl fmt::Debug for StateError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "StateError({})", self.0)
+        write!(f, "StateError({self})")
     }
 }
 
@@ -197,10 +215,17 @@ impl<'a> StateReader<'a> {
     }
 
     /// What is read from here on is this field: an error tells its name.
-    #[inline(never)]
     pub fn field(&mut self, name: &'static &'static str) {
+        self.field_of(name, 0);
+    }
+
+    /// What is read from here on is this field of a structure, from 1, by its [names](StateError); for
+    /// `#[derive(State)]`.
+    #[doc(hidden)]
+    #[inline(never)]
+    pub fn field_of(&mut self, names: &'static &'static str, field: u8) {
         self.look();
-        self.field = StateError::at(name);
+        self.field = StateError { names, field };
     }
 
     /// What was read last cannot be: the whole restore fails, and tells the field. Only the first
@@ -266,9 +291,9 @@ impl<'a> StateReader<'a> {
 
     /// Succeeds if all was there, nothing was refused, and all was read.
     pub(crate) fn end(&self) -> Result<(), StateError> {
-        match (self.wrong, self.reader.end()) {
-            (None, Ok(())) => Ok(()),
-            (wrong, _) => Err(wrong.unwrap_or(self.field)),
+        match self.wrong {
+            None if self.reader.is_sound() => Ok(()),
+            wrong => Err(wrong.unwrap_or(self.field)),
         }
     }
 }

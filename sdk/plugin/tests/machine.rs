@@ -240,14 +240,14 @@ fn a_state_that_does_not_fit_is_refused() {
         assert_eq!(fault.refusal, Refusal::State);
         fault.words
     };
-    let place = |fault: NativeFault| {
+    let wrong = |fault: NativeFault| {
         assert_eq!(words(fault), "the saved state cannot be taken: ");
-        fault.place
+        fault.wrong
     };
-    assert_eq!(place(restore(&state, 2, 5).unwrap_err()), "its format");
-    assert_eq!(place(restore(&state[..11], 3, 5).unwrap_err()), "damaged");
+    assert_eq!(wrong(restore(&state, 2, 5).unwrap_err()), Some(StateError::FORMAT));
+    assert_eq!(wrong(restore(&state[..11], 3, 5).unwrap_err()), Some(StateError::DAMAGED));
     let trailing = [state.as_slice(), &[9]].concat();
-    assert_eq!(place(restore(&trailing, 3, 5).unwrap_err()), "damaged");
+    assert_eq!(wrong(restore(&trailing, 3, 5).unwrap_err()), Some(StateError::DAMAGED));
     let long = vec![0; 4_097];
     let too_long = "the state is too long";
     assert_eq!(words(restore(&long, 3, 1_000).unwrap_err()), too_long);

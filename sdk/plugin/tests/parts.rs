@@ -3,9 +3,9 @@
 use proptest::prelude::*;
 use softplug_link::Observed;
 use softplug_plugin::bench::Bench;
-use softplug_plugin::parts::{Answers, Block, BlockSender, Part, PartEvent};
+use softplug_plugin::parts::{Answers, Block, BlockSender};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineParameters, LinkDownReason, Micros, State,
+    Context, Converter, Failure, JobStart, LineParameters, LinkDownReason, Micros, State, parts,
     state_format,
 };
 
@@ -36,10 +36,7 @@ impl Converter for Frames {
         Self { sender: BlockSender::new(), answers: Answers::new(), frame: Block::new() }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.answers.hear(link, event);
-        self.sender.hear(link, event);
-    }
+    parts!(answers, sender);
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
         self.sender.begin(link, job.job);
@@ -319,9 +316,7 @@ impl Converter for Plain {
         Self { sender: BlockSender::new(), is_given: false }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.sender.hear(link, event);
-    }
+    parts!(sender);
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
         self.sender.begin(link, job.job);
@@ -398,9 +393,7 @@ impl Converter for Parrot {
         Self { answers: Answers::new(), lost: 0 }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.answers.hear(link, event);
-    }
+    parts!(answers);
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         self.lost += usize::from(!self.answers.say(link, bytes));

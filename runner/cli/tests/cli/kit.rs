@@ -74,8 +74,9 @@ fn is_conformant(bench: &Bench, name: &str) {
     assert_eq!(own["verdict"], "conformant");
 }
 
-/// A project in Rust is conformant, passes its own tests, and is short enough to be read at once.
-fn begins_like(kind: &str) {
+/// A project in Rust is conformant, passes its own tests, and is short enough to be read at once; its module, manifest
+/// and all, has at most so many bytes.
+fn begins_like(kind: &str, most: u64) {
     let bench = Bench::new();
     let name = format!("kit-{kind}");
     let words = ["new", &name, "--like", kind, "--json"];
@@ -90,6 +91,9 @@ fn begins_like(kind: &str) {
     }
     assert!(bytes <= 12 * 1024, "{bytes} bytes");
     is_conformant(&bench, &name);
+    let module = bench.path(&format!("{name}/target/plugins/{name}.wasm"));
+    let bytes = std::fs::metadata(module).unwrap().len();
+    assert!(bytes <= most, "the module has {bytes} bytes");
     for words in [["test", "--quiet"], ["fmt", "--check"]] {
         let mut cargo = Command::new(env!("CARGO"));
         cargo.args(words).current_dir(bench.path(&name));
@@ -100,22 +104,22 @@ fn begins_like(kind: &str) {
 
 #[test]
 fn a_project_like_line_is_conformant_and_passes_its_own_tests() {
-    begins_like("line");
+    begins_like("line", 12 * 1024);
 }
 
 #[test]
 fn a_project_like_block_is_conformant_and_passes_its_own_tests() {
-    begins_like("block");
+    begins_like("block", 13 * 1024);
 }
 
 #[test]
 fn a_project_like_stream_is_conformant_and_passes_its_own_tests() {
-    begins_like("stream");
+    begins_like("stream", 12 * 1024);
 }
 
 #[test]
 fn a_project_like_request_reply_is_conformant_and_passes_its_own_tests() {
-    begins_like("request-reply");
+    begins_like("request-reply", 12 * 1024);
 }
 
 /// A project begun from a profile's reference plug-in is conformant to it.

@@ -14,10 +14,10 @@
 mod frame;
 
 use frame::{ACK, DLE, ENQ, Frame, Heard, MOST, NAK, Reader};
-use softplug_plugin::parts::{Answers, BlockSender, Part, PartEvent, StateName, TimerName, Timers};
+use softplug_plugin::parts::{Answers, BlockSender, StateName, TimerName, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, State, Unread, choice, manifest, settings, state_format, timers,
+    NoteLevel, State, Unread, choice, manifest, parts, settings, state_format, timers,
 };
 
 /// The least bytes of a message: DST, SRC, CMD, STS and TNS.
@@ -118,11 +118,7 @@ impl Converter for Df1 {
         }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.timers.hear(link, event);
-        self.answers.hear(link, event);
-        self.sender.hear(link, event);
-    }
+    parts!(timers, answers, sender);
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let rest = link.each_byte(bytes, OUTPUT_RESERVE, |link, byte| self.hear(link, byte));

@@ -14,8 +14,8 @@ use softplug_abi::wire::copy;
 ///
 /// ```
 /// use softplug_plugin::bench::Bench;
-/// use softplug_plugin::parts::{Answers, Part, PartEvent};
-/// use softplug_plugin::{Context, Converter};
+/// use softplug_plugin::parts::Answers;
+/// use softplug_plugin::{Context, Converter, parts};
 ///
 /// /// Answers each ENQ with DLE 0, however many come and however little room there is.
 /// struct Ready {
@@ -31,9 +31,7 @@ use softplug_abi::wire::copy;
 ///         Self { answers: Answers::new() }
 ///     }
 ///
-///     fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-///         self.answers.hear(link, event);
-///     }
+///     parts!(answers);
 ///
 ///     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
 ///         for _ in bytes.iter().filter(|byte| **byte == 0x05) {
@@ -110,6 +108,7 @@ impl<const N: usize> Default for Answers<N> {
 }
 
 impl<const N: usize> Part for Answers<N> {
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn hear(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
         // After a swap rooms are told anew: what has grown meanwhile is not told again.
         if matches!(

@@ -123,11 +123,19 @@ impl<const N: usize> State for Block<N> {
     }
 
     fn restore(&mut self, state: &mut StateReader<'_>) {
-        let length = usize::from(state.u16());
-        if length > N {
-            return state.refuse();
+        self.length = state.u16();
+        restore(&mut self.bytes, &mut self.length, state);
+    }
+}
+
+/// Takes so many bytes: once for blocks of all lengths.
+#[inline(never)]
+fn restore(bytes: &mut [u8], length: &mut u16, state: &mut StateReader<'_>) {
+    match bytes.get_mut(..usize::from(*length)) {
+        Some(place) => copy(place, state.bytes(place.len())),
+        None => {
+            *length = 0;
+            state.refuse();
         }
-        self.clear();
-        self.extend(state.bytes(length));
     }
 }

@@ -9,9 +9,8 @@
 //! | [`StateName`] | tells the state's name when it is another one |
 //! | [`checks`] | BCC, sums and CRCs |
 //!
-//! Parts hear of events before the converter's own methods if
-//! [`Converter::parts`](crate::Converter::parts) passes them on; then no method is needed only
-//! to pass something on. Each part is a [`State`](crate::State): a converter that is made of them saves
+//! Parts hear of events before the converter's own methods if [`parts!`](crate::parts!) names them; then no
+//! method is needed only to pass something on. Each part is a [`State`](crate::State): a converter that is made of them saves
 //! itself with `#[derive(State)]`.
 //!
 //! **Answers in the middle of a frame.** A protocol that puts a DLE before each DLE of its data, and
@@ -37,6 +36,53 @@ pub use timers::{TimerName, Timers};
 
 use crate::{Context, MarkState};
 use softplug_abi::wire::copy;
+
+/// Inside of `impl Converter`: these parts hear of [events](PartEvent) before the converter's own methods, in
+/// this order.
+///
+/// ```
+/// use softplug_plugin::parts::{Answers, Timers};
+/// use softplug_plugin::{Converter, parts, timers};
+///
+/// timers! {
+///     enum Timer { Patience }
+/// }
+///
+/// struct Sides {
+///     answers: Answers<8>,
+/// }
+///
+/// struct Talk {
+///     timers: Timers<Timer, 1>,
+///     sides: Sides,
+/// }
+///
+/// impl Converter for Talk {
+///     type Settings = ();
+///     const MANIFEST: &'static str = r#"{"abi": "1.0", "name": "talk", "version": "1.0.0",
+///         "licence": "MIT", "protocol": "none", "description": "Says nothing."}"#;
+///
+///     fn new((): ()) -> Self {
+///         Self { timers: Timers::new(), sides: Sides { answers: Answers::new() } }
+///     }
+///
+///     parts!(timers, sides.answers);
+/// }
+/// ```
+#[macro_export]
+macro_rules! parts {
+    ($($($part:ident).+),+ $(,)?) => {
+        // For each event the compiler then leaves only what a part does at it.
+        #[cfg_attr(target_arch = "wasm32", inline(always))]
+        fn parts(
+            &mut self,
+            link: &mut $crate::Context<'_>,
+            event: &$crate::parts::PartEvent<'_>,
+        ) {
+            $($crate::parts::Part::hear(&mut self.$($part).+, link, event);)+
+        }
+    };
+}
 
 /// Something that hears of events before the converter's own methods.
 ///

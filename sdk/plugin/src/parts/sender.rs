@@ -33,8 +33,8 @@ const UNSETTLED: u8 = 32;
 ///
 /// ```
 /// use softplug_plugin::bench::{Bench, Observed};
-/// use softplug_plugin::parts::{BlockSender, Part, PartEvent};
-/// use softplug_plugin::{Context, Converter, Failure, JobStart};
+/// use softplug_plugin::parts::BlockSender;
+/// use softplug_plugin::{Context, Converter, Failure, JobStart, parts};
 ///
 /// const ACK: u8 = 0x06;
 /// const NAK: u8 = 0x15;
@@ -57,9 +57,7 @@ const UNSETTLED: u8 = 32;
 ///         Self { sender: BlockSender::new(), awaits_answer: false }
 ///     }
 ///
-///     fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-///         self.sender.hear(link, event);
-///     }
+///     parts!(sender);
 ///
 ///     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
 ///         self.sender.begin(link, job.job);
@@ -392,6 +390,7 @@ impl<const DATA: usize> BlockSender<DATA> {
     }
 
     /// The job is over without a word here, as one that was only to be checked.
+    #[inline(never)]
     pub fn forget(&mut self) {
         let Self { is_down, mark, ahead, unsettled, .. } = *self;
         *self = Self { is_down, mark, ahead, unsettled, ..Self::new() };
@@ -425,6 +424,7 @@ impl<const DATA: usize> Default for BlockSender<DATA> {
 }
 
 impl<const DATA: usize> Part for BlockSender<DATA> {
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn hear(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
         match *event {
             PartEvent::Mark { mark, state } if mark < OWN_MARKS => {

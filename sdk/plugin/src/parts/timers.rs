@@ -66,8 +66,8 @@ macro_rules! timers {
 ///
 /// ```
 /// use softplug_plugin::bench::Bench;
-/// use softplug_plugin::parts::{Part, PartEvent, TimerName, Timers};
-/// use softplug_plugin::{Context, Converter, Micros, State};
+/// use softplug_plugin::parts::{TimerName, Timers};
+/// use softplug_plugin::{Context, Converter, Micros, State, parts};
 ///
 /// softplug_plugin::timers! {
 ///     enum Timer { Reminder, Patience }
@@ -89,9 +89,7 @@ macro_rules! timers {
 ///         Self { timers: Timers::new() }
 ///     }
 ///
-///     fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-///         self.timers.hear(link, event);
-///     }
+///     parts!(timers);
 ///
 ///     fn received(&mut self, link: &mut Context<'_>, _bytes: &[u8]) {
 ///         self.timers.set_after(link, Timer::Reminder, 100);
@@ -168,7 +166,7 @@ impl<T: TimerName, const N: usize> Default for Timers<T, N> {
 }
 
 impl<T, const N: usize> Part for Timers<T, N> {
-    #[inline]
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn hear(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
         match event {
             PartEvent::Timer { id } => {
@@ -177,9 +175,9 @@ impl<T, const N: usize> Part for Timers<T, N> {
                 }
             }
             PartEvent::Resumed => {
-                for (id, at) in (0..).zip(self.deadlines) {
+                for (id, at) in (0..).zip(&self.deadlines) {
                     if let Some(at) = at {
-                        link.set_timer(id, at);
+                        link.set_timer(id, *at);
                     }
                 }
             }

@@ -4,12 +4,10 @@
 //! The host calls a method for each event, which answers with actions on `link`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
-use softplug_plugin::parts::{
-    Answers, Block, BlockSender, Part, PartEvent, TimerName, Timers, checks,
-};
+use softplug_plugin::parts::{Answers, Block, BlockSender, TimerName, Timers, checks};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LinkDownReason, MarkState, Micros, State, Unread,
-    manifest, settings, state_format, timers,
+    manifest, parts, settings, state_format, timers,
 };
 
 pub const STX: u8 = 0x02;
@@ -78,11 +76,7 @@ impl Converter for Plugin {
         }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.timers.hear(link, event);
-        self.answers.hear(link, event);
-        self.sender.hear(link, event);
-    }
+    parts!(timers, answers, sender);
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let rest = link.each_byte(bytes, RESERVE, |link, byte| self.hear(link, byte));

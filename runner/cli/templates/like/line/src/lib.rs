@@ -4,10 +4,10 @@
 //! on `link`. What the protocol demands stands in `requirements`, and the cases in `traces` show it.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
-use softplug_plugin::parts::{Answers, Block, BlockSender, Part, PartEvent, Timers};
+use softplug_plugin::parts::{Answers, Block, BlockSender, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros, State,
-    Unread, manifest, settings, state_format, timers,
+    Unread, manifest, parts, settings, state_format, timers,
 };
 
 /// Answer: the line was taken.
@@ -23,8 +23,8 @@ const RESERVE: usize = 512;
 settings! {
     /// What an operator can set.
     pub struct Settings {
-        answer_time: i64 = 2000 in 10..=60000 "ms", "How long to wait for the answer to a line that has left.";
-        repeats: i64 = 3 in 0..=15 "", "How often a line that was refused is sent again.";
+        answer_time: i64 = 2000 in 10..=60000 "ms", "How long the answer to a line may take.";
+        repeats: i64 = 3 in 0..=15 "", "How often a refused line is sent again.";
     }
 }
 
@@ -78,11 +78,7 @@ impl Converter for Plugin {
         }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.timers.hear(link, event);
-        self.answers.hear(link, event);
-        self.sender.hear(link, event);
-    }
+    parts!(timers, answers, sender);
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let rest = link.each_byte(bytes, RESERVE, |link, byte| match byte {

@@ -4,10 +4,10 @@
 //! demands stands in `requirements`, and the cases in `traces` show it.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
-use softplug_plugin::parts::{Block, BlockSender, Part, PartEvent, Timers};
+use softplug_plugin::parts::{Block, BlockSender, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros, State,
-    Unread, manifest, settings, state_format, timers,
+    Unread, manifest, parts, settings, state_format, timers,
 };
 
 /// The end of a line.
@@ -74,10 +74,7 @@ impl Converter for Plugin {
         }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.timers.hear(link, event);
-        self.sender.hear(link, event);
-    }
+    parts!(timers, sender);
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let rest = link.each_byte(bytes, RESERVE, |link, byte| self.hear(link, byte));

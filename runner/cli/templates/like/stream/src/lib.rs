@@ -4,10 +4,10 @@
 //! demands stands in `requirements`, and the cases in `traces` show it.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
-use softplug_plugin::parts::{BlockSender, Part, PartEvent};
+use softplug_plugin::parts::BlockSender;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LinkDownReason, MarkState, State, Unread, manifest,
-    settings, state_format,
+    parts, settings, state_format,
 };
 
 pub const XON: u8 = 0x11;
@@ -65,9 +65,7 @@ impl Converter for Plugin {
         }
     }
 
-    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
-        self.sender.hear(link, event);
-    }
+    parts!(sender);
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let rest = link.each_byte(bytes, RESERVE, |link, byte| match byte {
