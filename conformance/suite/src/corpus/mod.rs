@@ -184,7 +184,7 @@ impl Corpus {
     /// use softplug_conformance::{Corpus, CorpusError};
     ///
     /// let folder = tempfile::tempdir()?;
-    /// let ledger = "schema = 1\nprofile = \"mine\"\nrevision = 1\ntitle = \"Mine\"\n";
+    /// let ledger = "profile = \"mine\"\nrevision = 1\ntitle = \"Mine\"\n";
     /// std::fs::create_dir(folder.path().join("requirements"))?;
     /// std::fs::write(folder.path().join("requirements/mine.toml"), ledger)?;
     /// assert_eq!(Corpus::begun(folder.path())?.list().len(), 0);
