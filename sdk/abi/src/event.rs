@@ -368,7 +368,7 @@ impl<'a> Event<'a> {
     }
 
     /// Reads an event and gives it to `taker`, if it is well formed.
-    #[inline(always)]
+    #[inline]
     pub fn decode_for<T: TakeEvent<'a>>(
         kind: EventKind,
         payload: &'a [u8],
@@ -380,7 +380,7 @@ impl<'a> Event<'a> {
 
     /// Takes an event from all that is left of a payload, and gives it to `taker`, if it is well formed; else the
     /// reader [keeps](Reader::end) what is wrong.
-    #[inline(always)]
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub fn read<T: TakeEvent<'a>>(
         kind: EventKind,
         r: &mut Reader<'a>,

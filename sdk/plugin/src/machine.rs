@@ -173,7 +173,7 @@ impl<C: Converter> Core<C> {
         self.refuse(Refusal::MalformedEvent, "the link is not open")
     }
 
-    fn settings(&mut self, first: bool, last: bool, values: Values<'_>) -> Result<(), Refusal> {
+    fn settings(&mut self, first: bool, last: bool, values: &Values<'_>) -> Result<(), Refusal> {
         if first {
             self.settings = Slot::Full(C::Settings::unset());
             self.next_setting = 0;
@@ -275,7 +275,7 @@ impl<'a, C: Converter> TakeEvent<'a> for Beginning<'_, '_, C> {
         let Self { core, link, state } = self;
         match event {
             Event::Settings { first, last, values } => {
-                let taken = core.settings(first, last, values);
+                let taken = core.settings(first, last, &values);
                 if taken.is_err() {
                     core.settings = Slot::Empty;
                 }
@@ -346,10 +346,10 @@ impl<'a, C: Converter> TakeEvent<'a> for Opened<'_, '_, C> {
                 converter.answer(link, request, refused.map_or(Ok(bytes), Err), more);
             }
             Event::Continue if !is_saving => converter.more(link),
-            // Of a save; the caller writes it.
-            Event::Save | Event::Continue => {}
-            // Taken by `Core::takes_bytes` and `Beginning`.
-            Event::Received(_)
+            // A save is written by the caller; the others are taken by `Core::takes_bytes` and `Beginning`.
+            Event::Save
+            | Event::Continue
+            | Event::Received(_)
             | Event::JobData { .. }
             | Event::Settings { .. }
             | Event::Open { .. }

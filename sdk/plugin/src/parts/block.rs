@@ -131,11 +131,10 @@ impl<const N: usize> State for Block<N> {
 /// Takes so many bytes: once for blocks of all lengths.
 #[inline(never)]
 fn restore(bytes: &mut [u8], length: &mut u16, state: &mut StateReader<'_>) {
-    match bytes.get_mut(..usize::from(*length)) {
-        Some(place) => copy(place, state.bytes(place.len())),
-        None => {
-            *length = 0;
-            state.refuse();
-        }
+    if let Some(place) = bytes.get_mut(..usize::from(*length)) {
+        copy(place, state.bytes(place.len()));
+    } else {
+        *length = 0;
+        state.refuse();
     }
 }
