@@ -65,7 +65,7 @@ pub(crate) fn functions(mut section: &[u8]) -> Option<Vec<(u64, &str)>> {
 }
 
 /// Whose functions need no names.
-const LIBRARIES: [&str; 4] = ["core", "alloc", "compiler_builtins", "softplug_abi"];
+const LIBRARIES: [&str; 5] = ["__rustc", "alloc", "compiler_builtins", "core", "softplug_abi"];
 
 fn is_of_library(symbol: &str) -> bool {
     let path = format!("{:#}", rustc_demangle::demangle(symbol));

@@ -36,7 +36,7 @@ impl<C: Converter> Machine<C> {
         Self { core: Core::new(), rooms: Rooms { transmit: 0, delivery: 0 } }
     }
 
-    /// Why an event was not taken, and which field of a state because of which it was not.
+    /// Why an event was not taken, and the field of a state that was the reason.
     pub(crate) fn why(&self) -> (&'static str, Option<StateError>) {
         (self.core.why.unwrap_or_default(), self.core.wrong)
     }
@@ -73,7 +73,7 @@ struct Core<C: Converter> {
     restored_length: usize,
     /// Why the last event was not taken, where there is more to say than its refusal.
     why: Option<&'static str>,
-    /// The field because of which a state was refused.
+    /// The field of a state for which it was refused.
     wrong: Option<StateError>,
 }
 
