@@ -60,14 +60,18 @@ pub(crate) enum Verb {
     Priority(Rank),
 }
 
+/// What a job can be.
+const STATES: [&str; 7] =
+    ["queued", "running", "paused", "done", "failed", "aborted", "interrupted"];
+
 /// Lists jobs, the newest first
 #[derive(Debug, Args)]
 pub(crate) struct List {
     /// Of this link only
     #[arg(long, value_name = "LINK")]
     pub(crate) link: Option<String>,
-    /// In this state only: queued, running, paused, done, failed, aborted or interrupted
-    #[arg(long, value_name = "STATE")]
+    /// In this state only
+    #[arg(long, value_name = "STATE", value_parser = STATES)]
     pub(crate) state: Option<String>,
     /// Of this kind only, such as send or receive
     #[arg(long, value_name = "KIND")]

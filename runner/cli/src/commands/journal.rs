@@ -4,6 +4,12 @@ use clap::Args;
 
 use super::remote::{Remote, Within};
 
+/// What the journal tells of.
+const KINDS: [&str; 11] = [
+    "gateway", "port", "job", "cell", "reception", "request", "swap", "fault", "alarm", "library",
+    "note",
+];
+
 /// Lists what happened in a running gateway, the newest last
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -14,9 +20,8 @@ pub(crate) struct Arguments {
     /// Of this link only
     #[arg(long, value_name = "LINK")]
     pub(crate) link: Option<String>,
-    /// Of this kind only: gateway, port, job, cell, reception, request, swap, fault, alarm, library
-    /// or note
-    #[arg(long, value_name = "KIND")]
+    /// Of this kind only
+    #[arg(long, value_name = "KIND", value_parser = KINDS)]
     pub(crate) kind: Option<String>,
     /// Of this job only
     #[arg(long, value_name = "NUMBER")]

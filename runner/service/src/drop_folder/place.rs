@@ -27,6 +27,7 @@ use rustix::io::Errno;
 
 use super::names::is_passed_over;
 use super::settling::FileState;
+use super::shelf::Shelf;
 
 /// Names that are looked at in one go; what is more than these waits until there are fewer.
 const LISTED: usize = 20_000;
@@ -173,6 +174,9 @@ impl Place {
                 continue;
             };
             match FileType::from_raw_mode(found.st_mode) {
+                FileType::RegularFile if Shelf::is_name(&name) => {
+                    listing.odd.insert(name, "a file where a folder of the gateway belongs");
+                }
                 FileType::RegularFile => drop(listing.files.insert(name, state(&found))),
                 // Folders are for people to keep order in.
                 FileType::Directory => {}
@@ -364,7 +368,6 @@ mod tests {
     use std::fs;
     use std::os::unix::fs::symlink;
 
-    use super::super::shelf::Shelf;
     use super::*;
 
     const ONE: &str = "00000000000010000000000000001";
@@ -477,6 +480,18 @@ mod tests {
         assert!(listing.files.is_empty());
         let odd = ["O3", "done"].map(|name| (OsString::from(name), "a symbolic link"));
         assert_eq!(listing.odd, BTreeMap::from(odd));
+    }
+
+    #[test]
+    fn a_file_that_is_called_like_a_folder_of_ours_is_no_program() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = opened(folder.path());
+        for name in ["done", "failed", "failed.nc"] {
+            fs::write(folder.path().join(name), "G1").unwrap();
+        }
+        let listing = place.list().unwrap();
+        assert_eq!(listing.files.into_keys().collect::<Vec<_>>(), ["failed.nc"]);
+        assert_eq!(listing.odd.into_keys().collect::<Vec<_>>(), ["done", "failed"]);
     }
 
     #[test]

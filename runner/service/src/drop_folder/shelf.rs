@@ -25,6 +25,11 @@ impl Shelf {
             Self::Failed => "failed",
         }
     }
+
+    /// Whether one is called so.
+    pub(super) fn is_name(name: &OsStr) -> bool {
+        [Self::Done, Self::Failed].into_iter().any(|shelf| name == shelf.name())
+    }
 }
 
 impl Place {
