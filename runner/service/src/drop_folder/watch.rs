@@ -420,6 +420,7 @@ fn claim_one(place: &Place, name: &OsStr, state: FileState, looked: &mut Looked)
         Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
         Err(error) => {
             looked.odd.insert(name.to_owned(), format!("cannot be read ({error})"));
+            looked.waiting -= 1;
             return None;
         }
     }
