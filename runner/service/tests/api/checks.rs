@@ -174,7 +174,7 @@ fn a_plug_in_that_fails_a_check_fails_nothing_else() {
 #[test]
 fn what_is_written_to_while_it_is_checked_has_no_answer() {
     let bench = Bench::new();
-    bench.upload("O1.nc", blocks(100_000).as_bytes()).with(201);
+    bench.upload("O1.nc", blocks(20_000).as_bytes()).with(201);
     let is_over = AtomicBool::new(false);
     thread::scope(|scope| {
         scope.spawn(|| {
