@@ -186,7 +186,12 @@ impl<const STATE: usize> Buffers<STATE> {
         #[cfg(feature = "panic-format")]
         let _ = core::fmt::Write::write_fmt(&mut writer, format_args!("{}", info.message()));
         #[cfg(not(feature = "panic-format"))]
-        writer.push(info.message().as_str().unwrap_or("a formatted message (see the feature panic-format)").as_bytes());
+        writer.push(
+            info.message()
+                .as_str()
+                .unwrap_or("a formatted message (see the feature panic-format)")
+                .as_bytes(),
+        );
         if let Some(place) = info.location() {
             writer.push(b", at ");
             writer.push(place.file().as_bytes());

@@ -6,7 +6,16 @@ use super::remote::{Remote, Within};
 
 /// What the journal tells of.
 const KINDS: [&str; 11] = [
-    "gateway", "port", "job", "cell", "reception", "request", "swap", "fault", "alarm", "library",
+    "gateway",
+    "port",
+    "job",
+    "cell",
+    "reception",
+    "request",
+    "swap",
+    "fault",
+    "alarm",
+    "library",
     "note",
 ];
 
