@@ -146,9 +146,11 @@ fn pooled(instances: u32) -> Config {
         .max_tables_per_module(1)
         .table_elements(ELEMENTS as usize)
         .max_memories_per_module(1)
-        .max_memory_size(MEMORY_BYTES as usize);
+        .max_memory_size(MEMORY_BYTES as usize)
+        .linear_memory_keep_resident(64 * 1024)
+        .table_keep_resident(64 * 1024);
     let mut config = common();
-    config.allocation_strategy(InstanceAllocationStrategy::Pooling(pool));
+    config.memory_init_cow(false).allocation_strategy(InstanceAllocationStrategy::Pooling(pool));
     config
 }
 
