@@ -246,7 +246,8 @@ proptest! {
         data in bytes(),
         pauses in proptest::collection::vec(1..60_i64, 0..10),
         abort in 0..300_i64,
-        room in 64..300_u32,
+        // Two pieces, and beside them all answers that may wait for the line.
+        room in 48 + 3 * 2 * 10..300_u32,
     ) {
         let seen = [room, 4_096].map(|room| {
             let mut bench = bench(9_600, 8, room);
