@@ -194,7 +194,7 @@ pub trait Converter: Sized {
     /// Write what did not fit; called after [`Context::again`], at the same time.
     fn more(&mut self, link: &mut Context<'_>) {}
 
-    /// An event of which [parts](crate::parts) have to hear, before its own method is called:
+    /// An event of which [parts](mod@crate::parts) have to hear, before its own method is called:
     /// [`parts!`](crate::parts!) passes it on to each.
     fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {}
     /// An event was handled: the place to go on with what it made possible, and to tell the

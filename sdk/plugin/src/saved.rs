@@ -7,7 +7,7 @@ use crate::{Failure, Micros, StateReader, StateWriter};
 /// `#[derive(State)]` makes it for structures and for enums without fields. A structure's fields are
 /// written in the order in which they are declared, each as its own type says, without anything in
 /// between; an enum is one byte. A field that cannot be what it is gets refused by its name:
-/// [`StateError::place`](crate::StateError::place) says `Lines.refusals`.
+/// [`StateError`](crate::StateError) says `Lines.refusals`.
 ///
 /// | attribute | where | what it does |
 /// |---|---|---|
