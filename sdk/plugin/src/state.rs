@@ -35,7 +35,7 @@ impl StateError {
         Self { names: name, field: 0 }
     }
 
-    /// What is wrong, in pieces to be joined: `Sender.given`; `its format`, `its end` or `damaged`
+    /// What is wrong, in pieces of UTF-8 to be joined: `Sender.given`; `its format`, `its end` or `damaged`
     /// if it is no field. By hand: the library's ways to split a text would be 0.7 KB of every plug-in.
     pub(crate) fn tell(self, mut push: impl FnMut(&'static [u8])) {
         let mut line = 0;
@@ -55,11 +55,12 @@ impl StateError {
 impl fmt::Display for StateError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(Self::TEXT)?;
-        let mut told = Ok(());
-        self.tell(|piece| {
-            told = told.and_then(|()| f.write_str(core::str::from_utf8(piece).unwrap_or_default()));
-        });
-        told
+        let mut names = self.names.split('\n');
+        f.write_str(names.next().unwrap_or_default())?;
+        match self.field.checked_sub(1).and_then(|at| names.nth(at.into())) {
+            Some(field) => write!(f, ".{field}"),
+            None => Ok(()),
+        }
     }
 }
 
