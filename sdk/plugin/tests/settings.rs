@@ -229,11 +229,11 @@ fn settings_come_in_pieces_and_begin_with_a_first_one() {
     let values = good();
     let fault = give(&mut native, (false, true), &values).unwrap_err();
     assert_eq!(fault.refusal, Refusal::MalformedEvent);
-    assert_eq!(fault.words, "a setting has no value");
+    assert_eq!(fault.words, "the first settings are missing");
 
     give(&mut native, (true, false), &values[..3]).unwrap();
     let fault = open(&mut native).unwrap_err();
-    assert_eq!(fault.words, "a setting has no value", "not with a part of them");
+    assert_eq!(fault.words, "open came before the settings", "not with a part of them");
     give(&mut native, (false, false), &values[3..5]).unwrap();
     give(&mut native, (false, true), &values[5..]).unwrap();
     open(&mut native).unwrap();
