@@ -9,7 +9,6 @@ use softplug_abi::{Event, EventKind, Micros, RawValue, Refusal, TakeEvent, Value
 
 const RECEIVED: i32 = EventKind::Received as i32;
 const JOB_DATA: i32 = EventKind::JobData as i32;
-const MISSING: &str = "a setting has no value";
 
 /// What a step gave: length of the output and whether more is to come, or that the event
 /// was not taken. [`Machine::why`] says why.
@@ -179,7 +178,7 @@ impl<C: Converter> Core<C> {
             self.next_setting = 0;
         }
         let Slot::Full(settings) = &mut self.settings else {
-            return self.refuse(Refusal::MalformedEvent, MISSING);
+            return self.refuse(Refusal::MalformedEvent, "the first settings are missing");
         };
         let mut reader = Reader::new(values.as_bytes());
         while !reader.is_empty() {
@@ -197,7 +196,7 @@ impl<C: Converter> Core<C> {
             return Ok(());
         }
         if self.next_setting != C::Settings::COUNT {
-            return self.refuse(Refusal::Settings, MISSING);
+            return self.refuse(Refusal::Settings, "a setting has no value");
         }
         match C::check_settings(settings) {
             Ok(()) => Ok(()),
@@ -212,7 +211,7 @@ impl<C: Converter> Core<C> {
         let settings = match &self.settings {
             Slot::Full(settings) if self.next_setting == C::Settings::COUNT => *settings,
             Slot::Empty if C::Settings::COUNT == 0 => C::Settings::unset(),
-            _ => return self.refuse(Refusal::MalformedEvent, MISSING),
+            _ => return self.refuse(Refusal::MalformedEvent, "open came before the settings"),
         };
         self.converter = Slot::Full(C::new(settings));
         Ok(())
