@@ -132,7 +132,7 @@ impl Sender {
         let is_given = if self.is_whole {
             self.block(link, settings)
         } else {
-            self.give(link, settings, &[ETX, EOT])
+            self.job.give(link, &[&[ETX, EOT].map(|byte| spoken(settings, byte))])
         };
         match (is_given, self.is_whole) {
             (false, _) => Stage::Filling,
@@ -172,13 +172,10 @@ impl Sender {
         if settings.dc1 {
             block.push(DC1);
         }
-        self.give(link, settings, block.as_slice())
-    }
-
-    /// Gives the link what it takes of these characters. Whether it has taken the last.
-    fn give(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) -> bool {
-        let byte = |at: usize| spoken(settings, bytes.get(at).copied().unwrap_or_default());
-        self.job.give(link, bytes.len(), byte)
+        for byte in block.as_mut_slice() {
+            *byte = spoken(settings, *byte);
+        }
+        self.job.give(link, &[block.as_slice()])
     }
 
     pub(crate) fn acknowledged(&mut self) {

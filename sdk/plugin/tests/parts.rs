@@ -348,7 +348,7 @@ impl Converter for Plain {
         } else if data.is_empty() {
             self.sender.done(link);
         } else {
-            self.is_given = self.sender.give(link, data.len(), |at| data.as_slice()[at]);
+            self.is_given = self.sender.give(link, &[data.as_slice()]);
         }
     }
 

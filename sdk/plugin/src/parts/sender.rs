@@ -6,8 +6,6 @@ use crate::{Context, Failure, MarkState, State};
 /// Marks from here on are free for other uses: a sender counts below.
 pub const OWN_MARKS: u32 = 0x8000_0000;
 
-/// Most bytes given to the link at a time.
-const PIECE: usize = 64;
 /// Most bytes of a frame in each of the two pieces that stand before an answer. The smallest queue, of 64 bytes,
 /// has room for both and for some answers: so a frame is cut into the same pieces in each.
 const SHORT_PIECE: usize = 24;
@@ -88,8 +86,7 @@ const UNSETTLED: u8 = 32;
 ///         } else if data.is_empty() {
 ///             self.sender.done(link);
 ///         } else {
-///             let byte = |at: usize| data.as_slice()[at];
-///             self.awaits_answer = self.sender.give(link, data.len(), byte);
+///             self.awaits_answer = self.sender.give(link, &[data.as_slice()]);
 ///         }
 ///     }
 /// }
@@ -217,26 +214,25 @@ impl<const DATA: usize> BlockSender<DATA> {
         }
     }
 
-    /// Gives the link what it takes of a block of `length` bytes, at most 65,535, of which `byte` tells each
-    /// by its place. Whether that was the last of it; its mark is set then.
-    pub fn give(
-        &mut self,
-        link: &mut Context<'_>,
-        length: usize,
-        byte: impl Fn(usize) -> u8,
-    ) -> bool {
+    /// Gives the link what it takes of a block, at most 65,535 bytes, whose parts stand in `block` one behind
+    /// the other. Whether that was the last of it; its mark is set then.
+    pub fn give(&mut self, link: &mut Context<'_>, block: &[&[u8]]) -> bool {
         if self.given == 0 && self.unsettled >= UNSETTLED {
             return false;
         }
-        while usize::from(self.given) < length {
-            let rest = length - usize::from(self.given);
-            let count = rest.min(PIECE).min(link.transmit_room() as usize);
-            if count == 0 {
+        let mut gone = usize::from(self.given);
+        for part in block {
+            let rest = part.get(gone..).unwrap_or_default();
+            gone = gone.saturating_sub(part.len());
+            let count = rest.len().min(link.transmit_room() as usize);
+            if count > 0 {
+                link.transmit(rest.get(..count).unwrap_or_default());
+                self.given += count as u16;
+                self.sent += count as u64;
+            }
+            if count < rest.len() {
                 return false;
             }
-            let mut piece = [0; PIECE];
-            self.fill(&mut piece, count, &byte);
-            link.transmit(piece.get(..count).unwrap_or_default());
         }
         self.next_mark();
         link.transmit_marked(self.mark, &[]);
@@ -274,21 +270,17 @@ impl<const DATA: usize> BlockSender<DATA> {
             if count > link.transmit_room() as usize {
                 return false;
             }
-            let mut piece = [0; PIECE];
-            self.fill(&mut piece, count, &byte);
+            let mut piece = [0; SHORT_PIECE];
+            for (place, own) in (begin..).zip(piece.iter_mut().take(count)) {
+                *own = byte(place);
+            }
+            self.given += count as u16;
+            self.sent += count as u64;
             self.next_mark();
             link.transmit_marked(self.mark, piece.get(..count).unwrap_or_default());
         }
         self.given = 0;
         true
-    }
-
-    fn fill(&mut self, piece: &mut [u8; PIECE], count: usize, byte: &impl Fn(usize) -> u8) {
-        for (place, own) in (usize::from(self.given)..).zip(piece.iter_mut().take(count)) {
-            *own = byte(place);
-        }
-        self.given += count as u16;
-        self.sent += count as u64;
     }
 
     fn next_mark(&mut self) {

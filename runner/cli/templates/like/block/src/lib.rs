@@ -145,17 +145,9 @@ impl Plugin {
             return self.sender.want(link, data.room());
         }
         let text = data.as_slice();
-        let (head, length) = if text.is_empty() {
-            ([EOT, 0], 1)
-        } else {
-            ([STX, text.len() as u8], text.len() + 3)
-        };
-        let sum = checks::sum(&[text]);
-        let byte = |at: usize| match head.get(at) {
-            Some(byte) => *byte,
-            None => text.get(at - 2).copied().unwrap_or(sum),
-        };
-        self.awaits_answer = self.sender.give(link, length, byte);
+        let (head, sum) = ([STX, text.len() as u8], [checks::sum(&[text])]);
+        let block: &[&[u8]] = if text.is_empty() { &[&[EOT]] } else { &[&head, text, &sum] };
+        self.awaits_answer = self.sender.give(link, block);
     }
 
     fn answered(&mut self, link: &mut Context<'_>, is_good: bool) {

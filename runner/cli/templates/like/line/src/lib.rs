@@ -150,16 +150,15 @@ impl Plugin {
         }
         let data = *self.sender.data();
         let text = data.as_slice();
-        let length = match text.iter().position(|byte| *byte == LF) {
-            Some(end) => end + 1,
+        let line = match text.iter().position(|byte| *byte == LF) {
+            Some(end) => text.get(..end).unwrap_or_default(),
             None if data.room() == 0 => return self.sender.fail(link, Failure::TooLong),
             None if !self.sender.has_ended() => return self.sender.want(link, data.room()),
             None if text.is_empty() => return self.sender.done(link),
             // The last line gets its LF if it has none.
-            None => text.len() + 1,
+            None => text,
         };
-        let byte = |at: usize| text.get(at).copied().unwrap_or(LF);
-        self.awaits_answer = self.sender.give(link, length, byte);
+        self.awaits_answer = self.sender.give(link, &[line, &[LF]]);
     }
 
     fn answered(&mut self, link: &mut Context<'_>, is_good: bool) {

@@ -150,8 +150,7 @@ impl Plugin {
         if !self.sender.has_ended() {
             return self.sender.want(link, data.room());
         }
-        let byte = |at: usize| data.as_slice().get(at).copied().unwrap_or(CR);
-        self.awaits_reply = self.sender.give(link, data.len() + 1, byte);
+        self.awaits_reply = self.sender.give(link, &[data.as_slice(), &[CR]]);
     }
 
     /// A character of a reply: CR delivers it, if a question has left and there is room.

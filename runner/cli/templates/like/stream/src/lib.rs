@@ -141,8 +141,7 @@ impl Plugin {
             if data.room() > 0 && !self.sender.has_ended() {
                 return self.sender.want(link, data.room());
             }
-            let byte = |at: usize| data.as_slice().get(at).copied().unwrap_or_default();
-            if !self.sender.give(link, data.len(), byte) {
+            if !self.sender.give(link, &[data.as_slice()]) {
                 return;
             }
             self.sender.acknowledged(data.len());
