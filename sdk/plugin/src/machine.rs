@@ -149,8 +149,12 @@ impl<C: Converter> Core<C> {
         }
         let Slot::Full(converter) = &mut self.converter else { return self.is_not_open() };
         let is_saving = self.saving.is_some();
-        let taker = Opened { converter, link, is_saving };
-        Event::read(kind, &mut reader, taker).ok_or(malformed)?;
+        opened(converter, link, kind, &mut reader, is_saving);
+        // Bytes that `takes_bytes` has not taken are malformed.
+        let is_bytes = matches!(kind, EventKind::Received | EventKind::JobData);
+        if is_bytes || !reader.is_sound() {
+            return Err(malformed);
+        }
         match kind {
             EventKind::Close => {
                 self.converter = Slot::Empty;
@@ -300,6 +304,24 @@ impl<'a, C: Converter> TakeEvent<'a> for Beginning<'_, '_, C> {
             // By `Opened`.
             _ => Ok(()),
         }
+    }
+}
+
+#[cfg_attr(target_arch = "wasm32", inline(never))]
+fn opened<C: Converter>(
+    converter: &mut C,
+    link: &mut Context<'_>,
+    kind: EventKind,
+    reader: &mut Reader<'_>,
+    is_saving: bool,
+) {
+    use EventKind as Kind;
+    // Not those that the caller takes: their code is then left out.
+    if !matches!(
+        kind,
+        Kind::Settings | Kind::Open | Kind::Restore | Kind::Received | Kind::JobData
+    ) {
+        Event::read(kind, reader, Opened { converter, link, is_saving });
     }
 }
 
