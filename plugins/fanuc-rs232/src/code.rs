@@ -202,7 +202,7 @@ pub(crate) mod tests {
     }
 
     fn software() -> Settings {
-        Settings { parity: ParityMode::Software, ..Settings::unset() }
+        Settings { parity: ParityMode::Software, ..Settings::UNSET }
     }
 
     #[test]
@@ -253,7 +253,7 @@ pub(crate) mod tests {
             let is_even = byte.count_ones() % 2 == 0;
             let checked = if is_even { good } else { Decoded::Damaged(low) };
             assert_eq!(decode(&software(), Code::Iso, byte), checked);
-            assert_eq!(decode(&Settings::unset(), Code::Iso, byte), good);
+            assert_eq!(decode(&Settings::UNSET, Code::Iso, byte), good);
         }
         let ascii = Settings { ascii: true, ..software() };
         for character in 0x20..0x7F {
@@ -266,7 +266,7 @@ pub(crate) mod tests {
 
     #[test]
     fn eia_bytes_without_a_character() {
-        let settings = Settings::unset();
+        let settings = Settings::UNSET;
         for byte in 0..=u8::MAX {
             if rows().any(|(.., own)| own == byte) {
                 continue;
@@ -281,7 +281,7 @@ pub(crate) mod tests {
 
     #[test]
     fn eia_codes_go_over_the_table() {
-        let settings = Settings { eia_codes: bytes(b"=\x5B#\x3D"), ..Settings::unset() };
+        let settings = Settings { eia_codes: bytes(b"=\x5B#\x3D"), ..Settings::UNSET };
         for (character, code) in [(b'=', 0x5B), (b'#', 0x3D)] {
             assert_eq!(encode(&settings, Code::Eia, character), Some(code));
             assert_eq!(decode(&settings, Code::Eia, code), Decoded::Character(character));
@@ -293,19 +293,19 @@ pub(crate) mod tests {
     #[test]
     fn control_codes_are_those_with_parity_and_without_it_where_no_digit_is_meant() {
         use Control::*;
-        let plain = Settings { plain_codes: true, ..Settings::unset() };
+        let plain = Settings { plain_codes: true, ..Settings::UNSET };
         let both = [Some(Dc1), Some(Dc2), Some(Dc3), Some(Dc3), Some(Dc4)];
         let both = [&both[..], &[Some(Nak), Some(Nak), Some(Syn), Some(Syn)]].concat();
         let with_parity = [Some(Dc1), Some(Dc2), None, Some(Dc3), Some(Dc4)];
         let with_parity = [&with_parity[..], &[None, Some(Nak), None, Some(Syn)]].concat();
         let codes = [0x11, 0x12, 0x13, 0x93, 0x14, 0x15, 0x95, 0x16, 0x96];
         for (settings, code, sending, expected) in [
-            (Settings::unset(), Code::Iso, true, &both),
-            (Settings::unset(), Code::Iso, false, &both),
+            (Settings::UNSET, Code::Iso, true, &both),
+            (Settings::UNSET, Code::Iso, false, &both),
             (plain, Code::Eia, true, &both),
             (plain, Code::Eia, false, &with_parity),
-            (Settings::unset(), Code::Eia, true, &with_parity),
-            (Settings::unset(), Code::Eia, false, &with_parity),
+            (Settings::UNSET, Code::Eia, true, &with_parity),
+            (Settings::UNSET, Code::Eia, false, &with_parity),
         ] {
             for byte in 0..=u8::MAX {
                 let expected = codes

@@ -346,7 +346,7 @@ mod tests {
 
     #[test]
     fn a_state_of_another_length_or_with_an_impossible_value_is_refused() {
-        let state = FanucRs232::new(Settings::unset()).kept.as_bytes().to_vec();
+        let state = FanucRs232::new(Settings::UNSET).kept.as_bytes().to_vec();
         assert!(Kept::try_read_from_bytes(&state).is_ok());
         assert!(Kept::try_read_from_bytes(&state[1..]).is_err());
         let mut damaged = state.clone();

@@ -37,9 +37,7 @@ impl<V: Variant> SettingSet for Configured<V> {
     const COUNT: u16 = Options::COUNT;
     const JSON: &'static [&'static [&'static str]] = V::Settings::JSON;
 
-    fn unset() -> Self {
-        Self { options: Options::unset(), variant: PhantomData }
-    }
+    const UNSET: Self = Self { options: Options::UNSET, variant: PhantomData };
 
     fn set(&mut self, index: u16, value: &RawValue<'_>) -> bool {
         self.options.set(index, value)

@@ -133,6 +133,7 @@ impl<'a> RawValue<'a> {
     }
 
     /// The number, if it is one.
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub fn int(&self) -> Option<i64> {
         let payload: &[u8; 8] = self.payload.try_into().ok()?;
         (self.kind == INT).then(|| i64::from_le_bytes(*payload))

@@ -152,7 +152,7 @@ impl<'a> Context<'a> {
     /// There is less [room](Self::transmit_room).
     pub fn transmit_marked(&mut self, mark: u32, bytes: &[u8]) {
         self.take_transmit_room(bytes);
-        self.push(&Action::Transmit { mark, bytes });
+        fitted(self.writer.transmit_marked(mark, bytes));
     }
 
     #[cfg_attr(target_arch = "wasm32", inline(always))]

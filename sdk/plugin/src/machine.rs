@@ -65,8 +65,9 @@ impl<C: Converter> Machine<C> {
 #[derive(Debug)]
 struct Core<C: Converter> {
     converter: Slot<C>,
-    settings: Slot<C::Settings>,
-    next_setting: u16,
+    settings: C::Settings,
+    /// How many settings have come; None before the first.
+    next_setting: Option<u16>,
     /// Where the next piece of a save begins.
     saving: Option<usize>,
     restored_length: usize,
@@ -80,8 +81,8 @@ impl<C: Converter> Core<C> {
     const fn new() -> Self {
         Self {
             converter: Slot::Empty,
-            settings: Slot::Empty,
-            next_setting: 0,
+            settings: C::Settings::UNSET,
+            next_setting: None,
             saving: None,
             restored_length: 0,
             why: None,
@@ -178,10 +179,10 @@ impl<C: Converter> Core<C> {
 
     fn settings(&mut self, first: bool, last: bool, values: &Values<'_>) -> Result<(), Refusal> {
         if first {
-            self.settings = Slot::Full(C::Settings::unset());
-            self.next_setting = 0;
+            self.settings = C::Settings::UNSET;
+            self.next_setting = Some(0);
         }
-        let Slot::Full(settings) = &mut self.settings else {
+        let Some(mut next) = self.next_setting else {
             return self.refuse(Refusal::MalformedEvent, "the first settings are missing");
         };
         let mut reader = Reader::new(values.as_bytes());
@@ -191,18 +192,19 @@ impl<C: Converter> Core<C> {
                 return Err(Refusal::MalformedEvent);
             }
             let index = value.index;
-            if index != self.next_setting || !settings.set(index, &value) {
+            if index != next || !self.settings.set(index, &value) {
                 return self.refuse(Refusal::Settings, "a setting is of another type or order");
             }
-            self.next_setting += 1;
+            next += 1;
         }
+        self.next_setting = Some(next);
         if !last {
             return Ok(());
         }
-        if self.next_setting != C::Settings::COUNT {
+        if next != C::Settings::COUNT {
             return self.refuse(Refusal::Settings, "a setting has no value");
         }
-        match C::check_settings(settings) {
+        match C::check_settings(&self.settings) {
             Ok(()) => Ok(()),
             Err(text) => self.refuse(Refusal::Settings, text),
         }
@@ -212,12 +214,10 @@ impl<C: Converter> Core<C> {
     /// of a plug-in does not hold several of them.
     #[inline(never)]
     fn begin(&mut self) -> Result<(), Refusal> {
-        let settings = match &self.settings {
-            Slot::Full(settings) if self.next_setting == C::Settings::COUNT => *settings,
-            Slot::Empty if C::Settings::COUNT == 0 => C::Settings::unset(),
-            _ => return self.refuse(Refusal::MalformedEvent, "open came before the settings"),
-        };
-        self.converter = Slot::Full(C::new(settings));
+        if self.next_setting.unwrap_or(0) != C::Settings::COUNT {
+            return self.refuse(Refusal::MalformedEvent, "open came before the settings");
+        }
+        self.converter = Slot::Full(C::new(self.settings));
         Ok(())
     }
 
@@ -280,7 +280,7 @@ impl<'a, C: Converter> TakeEvent<'a> for Beginning<'_, '_, C> {
             Event::Settings { first, last, values } => {
                 let taken = core.settings(first, last, &values);
                 if taken.is_err() {
-                    core.settings = Slot::Empty;
+                    core.next_setting = None;
                 }
                 taken
             }

@@ -63,9 +63,7 @@ macro_rules! settings {
                     )*
                 ];
 
-                fn unset() -> Self {
-                    Self { $( $field: <$kind as SettingType>::unset(), )* }
-                }
+                const UNSET: Self = Self { $( $field: <$kind as SettingType>::UNSET, )* };
 
                 fn set(&mut self, index: u16, value: &RawValue<'_>) -> bool {
                     let mut at = 0;

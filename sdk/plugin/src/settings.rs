@@ -12,7 +12,7 @@ use softplug_abi::wire::copy;
 ///     struct Settings { echo: bool = false, "Send back what is received."; }
 /// }
 /// # fn main() {
-/// let mut settings = Settings::unset();
+/// let mut settings = Settings::UNSET;
 /// let on: RawValue<'_> = Values::new(&[0, 0, 1, 0, 1, 0, 1]).raw().next().unwrap().unwrap();
 /// assert!(settings.set(on.index, &on));
 /// assert!(settings.echo);
@@ -25,8 +25,9 @@ pub trait SettingSet: Copy + core::fmt::Debug {
     /// The manifest's list of settings, in pieces to be joined.
     const JSON: &'static [&'static [&'static str]];
 
-    /// All settings before any value has come.
-    fn unset() -> Self;
+    /// All settings before any value has come: of a plug-in that is small, all zeros.
+    const UNSET: Self;
+
     /// Takes the value at `index`; `false` if it is not of the setting's type.
     fn set(&mut self, index: u16, value: &RawValue<'_>) -> bool;
 }
@@ -35,7 +36,7 @@ impl SettingSet for () {
     const COUNT: u16 = 0;
     const JSON: &'static [&'static [&'static str]] = &[];
 
-    fn unset() -> Self {}
+    const UNSET: Self = ();
 
     fn set(&mut self, _index: u16, _value: &RawValue<'_>) -> bool {
         false
@@ -61,13 +62,14 @@ pub trait SettingType: Copy {
     const QUOTE: &'static str;
 
     /// Before a value has come.
-    fn unset() -> Self;
+    const UNSET: Self;
+
     /// Takes a value; `false` if it is not of this type.
     fn assign(&mut self, value: &RawValue<'_>) -> bool;
 
     /// From a value of its type.
     fn from_value(value: &RawValue<'_>) -> Option<Self> {
-        let mut own = Self::unset();
+        let mut own = Self::UNSET;
         own.assign(value).then_some(own)
     }
 }
@@ -77,9 +79,7 @@ impl SettingType for bool {
     const MORE: &'static [&'static str] = &[];
     const QUOTE: &'static str = "";
 
-    fn unset() -> Self {
-        false
-    }
+    const UNSET: Self = false;
 
     #[inline(never)]
     fn assign(&mut self, value: &RawValue<'_>) -> bool {
@@ -92,9 +92,7 @@ impl SettingType for i64 {
     const MORE: &'static [&'static str] = &[];
     const QUOTE: &'static str = "";
 
-    fn unset() -> Self {
-        0
-    }
+    const UNSET: Self = 0;
 
     #[inline(never)]
     fn assign(&mut self, value: &RawValue<'_>) -> bool {
@@ -163,9 +161,7 @@ impl<const N: usize> SettingType for Bytes<N> {
     const MORE: &'static [&'static str] = &[",\"max\":", Decimal::<N>::TEXT];
     const QUOTE: &'static str = "\"";
 
-    fn unset() -> Self {
-        Self { bytes: [0; N], length: 0 }
-    }
+    const UNSET: Self = Self { bytes: [0; N], length: 0 };
 
     fn assign(&mut self, value: &RawValue<'_>) -> bool {
         put_bytes(&mut self.bytes, &mut self.length, value.bytes())
@@ -200,9 +196,7 @@ impl<const N: usize> SettingType for Text<N> {
     const MORE: &'static [&'static str] = <Bytes<N> as SettingType>::MORE;
     const QUOTE: &'static str = "\"";
 
-    fn unset() -> Self {
-        Self(Bytes::unset())
-    }
+    const UNSET: Self = Self(Bytes::UNSET);
 
     fn assign(&mut self, value: &RawValue<'_>) -> bool {
         put_bytes(&mut self.0.bytes, &mut self.0.length, value.text_bytes())
@@ -260,9 +254,7 @@ impl<T: Choice> SettingType for T {
     const MORE: &'static [&'static str] = T::JSON;
     const QUOTE: &'static str = "\"";
 
-    fn unset() -> Self {
-        T::FIRST
-    }
+    const UNSET: Self = T::FIRST;
 
     #[inline(never)]
     fn assign(&mut self, value: &RawValue<'_>) -> bool {

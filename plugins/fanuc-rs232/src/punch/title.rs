@@ -144,7 +144,7 @@ mod tests {
         for byte in program.bytes() {
             match byte {
                 b'\n' => title.end_of_block(),
-                _ => _ = title.read(&Settings::unset(), byte),
+                _ => _ = title.read(&Settings::UNSET, byte),
             }
         }
         String::from_utf8_lossy(title.name().1).into_owned()
@@ -182,7 +182,7 @@ mod tests {
         let mut title = Title::new();
         title.end_of_block();
         let marks: Vec<_> =
-            b"G1(A)X".iter().map(|byte| title.read(&Settings::unset(), *byte)).collect();
+            b"G1(A)X".iter().map(|byte| title.read(&Settings::UNSET, *byte)).collect();
         assert_eq!(marks, [false, false, false, true, false, false]);
     }
 
@@ -192,7 +192,7 @@ mod tests {
         assert!(!title.ends_before(b'O'), "the header");
         title.end_of_block();
         assert!(!title.ends_before(b'O'), "nothing before it");
-        title.read(&Settings::unset(), b'M');
+        title.read(&Settings::UNSET, b'M');
         assert!(!title.ends_before(b'O'), "in mid-block");
         title.end_of_block();
         assert!(title.ends_before(b'O') && title.ends_before(b':'));

@@ -101,7 +101,7 @@ mod tests {
     use softplug_plugin::SettingSet;
 
     fn software() -> Settings {
-        Settings { parity: ParityMode::Software, ..Settings::unset() }
+        Settings { parity: ParityMode::Software, ..Settings::UNSET }
     }
 
     /// What a reader makes of these characters.
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn sums_worked_out_by_hand() {
-        let settings = Settings::unset();
+        let settings = Settings::UNSET;
         // 53 + 59 + 4E + 0D = 107
         assert_eq!(&head(&settings, command(*b"SYN"), b""), b"07SYN");
         // 44 + 41 + 54 + 25 + 0A + 0D = 115
@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn messages_are_read() {
-        let settings = Settings::unset();
+        let settings = Settings::UNSET;
         // 53 + 41 + 54 + 30 + 30 + 0D = 155
         let text = b"07SYN\r\n\x0055SAT00\r";
         assert_eq!(read(&settings, text), [Ok(command(*b"SYN")), Ok(command(*b"SAT"))]);
@@ -138,14 +138,14 @@ mod tests {
 
     #[test]
     fn a_message_without_a_whole_command_has_none_that_exists() {
-        let settings = Settings::unset();
+        let settings = Settings::UNSET;
         assert_eq!(read(&settings, b"4EA\r"), [Ok(command(*b"A\0\0"))]);
         assert_eq!(read(&settings, b"0D\r"), [Ok(command([0; 3]))]);
     }
 
     #[test]
     fn damaged_messages() {
-        let settings = Settings::unset();
+        let settings = Settings::UNSET;
         for text in ["08SYN\r", "07SYM\r", "7SYN\r", "07\r", "0707SYN\r", "0aSYN\r"] {
             assert_eq!(read(&settings, text.as_bytes()), [Err(())], "{text}");
         }

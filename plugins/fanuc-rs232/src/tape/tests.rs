@@ -6,7 +6,7 @@ use softplug_plugin::{SettingSet, Values};
 
 /// The settings as a host gives them, all at their defaults.
 fn defaults() -> Settings {
-    Settings { upper: true, percent: true, tv_cr: true, tv_comments: true, ..Settings::unset() }
+    Settings { upper: true, percent: true, tv_cr: true, tv_comments: true, ..Settings::UNSET }
 }
 
 fn padded(eob: Eob) -> Settings {

@@ -23,7 +23,7 @@ impl Chance {
 }
 
 fn settings(diameter: bool) -> Settings {
-    Settings { diameter, start_block: 1, spindle_increments: 1_024, ..Settings::unset() }
+    Settings { diameter, start_block: 1, spindle_increments: 1_024, ..Settings::UNSET }
 }
 
 fn blocks(text: &str, settings: &Settings) -> Result<Vec<Block>, (u16, u32, u32)> {

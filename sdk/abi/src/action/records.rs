@@ -161,6 +161,15 @@ impl<'a> ActionWriter<'a> {
         self.stream(Stream::new(kind::TRANSMIT, 0), bytes)
     }
 
+    /// Pushes a [`Transmit`](Action::Transmit), which may have a mark. Bytes without one are not joined with
+    /// those before.
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    pub fn transmit_marked(&mut self, mark: u32, bytes: &[u8]) -> Result<(), NoSpace> {
+        let start = self.begin(kind::TRANSMIT);
+        Action::Transmit { mark, bytes }.write(&mut self.writer);
+        self.end(start)
+    }
+
     /// The quick way to push a [`Deliver`](Action::Deliver).
     #[inline]
     pub fn deliver(&mut self, delivery: u32, bytes: &[u8]) -> Result<(), NoSpace> {

@@ -128,10 +128,11 @@ impl<T: TimerName, const N: usize> Timers<T, N> {
         Self { deadlines: [None; N], names: PhantomData }
     }
 
-    /// Sets a timer to so many ms from now.
+    /// Sets a timer to so many ms from now, 0 to 2^40 (34 years).
     pub fn set_after(&mut self, link: &mut Context<'_>, timer: T, millis: i64) {
-        let at = link.now() + Micros::from_millis(millis);
-        self.set(link, timer, Some(at));
+        // A product within i64: what saturates is longer.
+        let span = Micros(millis.clamp(0, 1 << 40) * 1_000);
+        self.set(link, timer, Some(link.now() + span));
     }
 
     /// Cancels a timer; one that is not set is left as it is.
