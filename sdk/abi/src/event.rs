@@ -511,6 +511,7 @@ impl<'a> TakeEvent<'a> for Itself {
     }
 }
 
+#[cfg_attr(target_arch = "wasm32", inline(always))]
 fn line_parameters(r: &mut Reader<'_>) -> LineParameters {
     let data_bits = r.u8();
     let parity = match r.u8() {

@@ -115,6 +115,7 @@ impl<'a> RawValue<'a> {
     /// RawValue::read(&mut reader);
     /// assert!(reader.has_failed());
     /// ```
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub fn read(reader: &mut Reader<'a>) -> Self {
         let (index, kind) = (reader.u16(), reader.u8());
         reader.zeros(1);

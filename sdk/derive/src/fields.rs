@@ -3,7 +3,7 @@
 use proc_macro2::TokenStream;
 use quote::quote;
 use syn::ext::IdentExt as _;
-use syn::{DeriveInput, Error, Fields, Index, Member, Result};
+use syn::{DeriveInput, Error, Fields, Index, Member, Result, Type};
 
 use crate::attributes::{self, OfField};
 
@@ -13,6 +13,8 @@ pub(crate) fn implement(input: &DeriveInput, fields: &Fields) -> Result<TokenStr
     let mut names = name.to_string();
     let mut saves = Vec::new();
     let mut restores = Vec::new();
+    // Whether the reader is at the field before, by the names of this structure.
+    let mut is_counting = false;
     for (place, field) in fields.iter().enumerate() {
         let own = OfField::read(&field.attrs)?;
         if own.skip {
@@ -40,8 +42,14 @@ pub(crate) fn implement(input: &DeriveInput, fields: &Fields) -> Result<TokenStr
                 }
             }
         });
+        let begin = if is_counting && own.since.is_none() {
+            quote! { state.next_field(); }
+        } else {
+            quote! { state.field_of(NAMES, #number); }
+        };
+        is_counting = own.since.is_none() && is_plain(&field.ty);
         let restore = quote! {
-            state.field_of(NAMES, #number);
+            #begin
             ::softplug_plugin::State::restore(&mut self.#member, state);
             #range
         };
@@ -70,5 +78,14 @@ pub(crate) fn implement(input: &DeriveInput, fields: &Fields) -> Result<TokenStr
                 #check
             }
         }
+    })
+}
+
+/// Whether a type is surely no structure with fields of its own.
+fn is_plain(of: &Type) -> bool {
+    let Type::Path(of) = of else { return false };
+    let last = of.path.segments.last();
+    last.is_some_and(|last| {
+        ["bool", "u8", "u16", "u32", "u64", "usize", "Option"].iter().any(|plain| last.ident == plain)
     })
 }

@@ -123,7 +123,7 @@ impl<C: Converter> Cell<C> {
                 let (text, wrong) = machine.why();
                 words.push(text.as_bytes());
                 if let Some(error) = wrong {
-                    error.tell(|piece| words.push(piece));
+                    error.tell(|byte| words.push(&[byte]));
                 }
                 -i32::from(refusal.code())
             }

@@ -130,11 +130,11 @@ impl<C: Converter> Core<C> {
         (self.why, self.wrong) = (None, None);
         let kind = u16::try_from(code).ok().and_then(EventKind::from_code);
         let kind = kind.ok_or(Refusal::UnknownEvent)?;
+        let malformed = Refusal::MalformedEvent;
+        let mut reader = Reader::new(payload);
         if kind != EventKind::Continue {
             self.saving = None;
         }
-        let malformed = Refusal::MalformedEvent;
-        let mut reader = Reader::new(payload);
         // Each kind by its name: the code for the others is then left out.
         macro_rules! begin {
             ($kind:expr) => {{
@@ -247,8 +247,8 @@ impl<C: Converter> Core<C> {
         self.begin()?;
         let Slot::Full(converter) = &mut self.converter else { return Ok(()) };
         let mut reader = StateReader::new(format, state.get(..end).unwrap_or_default());
-        let taken = converter.restore(format, &mut reader).and_then(|()| reader.end());
-        let Err(error) = taken else { return Ok(()) };
+        let taken = converter.restore(format, &mut reader);
+        let Some(error) = taken.err().or_else(|| reader.wrong()) else { return Ok(()) };
         self.converter = Slot::Empty;
         self.wrong = Some(error);
         self.refuse(Refusal::State, StateError::TEXT)

@@ -127,11 +127,13 @@ macro_rules! state_format {
             format: u16,
             state: &mut $crate::StateReader<'_>,
         ) -> Result<(), $crate::StateError> {
-            if !($formats).contains(&format) {
-                return Err($crate::StateError::FORMAT);
+            state.field(&"its format");
+            if ($formats).contains(&format) {
+                $crate::State::restore(self, state);
+                state.field(&"its end");
+            } else {
+                state.refuse();
             }
-            $crate::State::restore(self, state);
-            state.field(&"its end");
             Ok(())
         }
     };

@@ -35,18 +35,15 @@ impl StateError {
         Self { names: name, field: 0 }
     }
 
-    /// What is wrong, in pieces of UTF-8 to be joined: `Sender.given`; `its format`, `its end` or `damaged`
+    /// What is wrong, byte by byte of UTF-8: `Sender.given`; `its format`, `its end` or `damaged`
     /// if it is no field. By hand: the library's ways to split a text would be 0.7 KB of every plug-in.
-    pub(crate) fn tell(self, mut push: impl FnMut(&'static [u8])) {
+    pub(crate) fn tell(self, mut push: impl FnMut(u8)) {
         let mut line = 0;
         for byte in self.names.as_bytes() {
-            if *byte == b'\n' {
-                line += 1;
-                if line == self.field {
-                    push(b".");
-                }
-            } else if line == 0 || line == self.field {
-                push(core::slice::from_ref(byte));
+            let is_end = *byte == b'\n';
+            line += u8::from(is_end);
+            if line == 0 || line == self.field {
+                push(if is_end { b'.' } else { *byte });
             }
         }
     }
@@ -229,6 +226,14 @@ impl<'a> StateReader<'a> {
         self.field = StateError { names, field };
     }
 
+    /// What is read from here on is the field behind the one that was read last.
+    #[doc(hidden)]
+    #[inline(never)]
+    pub fn next_field(&mut self) {
+        self.look();
+        self.field.field += 1;
+    }
+
     /// What was read last cannot be: the whole restore fails, and tells the field. Only the first
     /// refusal counts.
     #[inline(never)]
@@ -290,11 +295,11 @@ impl<'a> StateReader<'a> {
         Failure::from_code(self.u16())
     }
 
-    /// Succeeds if all was there, nothing was refused, and all was read.
-    pub(crate) fn end(&self) -> Result<(), StateError> {
-        match self.wrong {
-            None if self.reader.is_sound() => Ok(()),
-            wrong => Err(wrong.unwrap_or(self.field)),
+    /// What was refused, or is not there, or was not read.
+    pub(crate) fn wrong(&mut self) -> Option<StateError> {
+        if !self.reader.is_sound() {
+            self.refuse();
         }
+        self.wrong
     }
 }

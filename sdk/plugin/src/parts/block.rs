@@ -118,8 +118,7 @@ impl<const N: usize> Eq for Block<N> {}
 
 impl<const N: usize> State for Block<N> {
     fn save(&self, state: &mut StateWriter<'_>) {
-        state.u16(self.length);
-        state.bytes(self.as_slice());
+        save(&self.bytes, self.length, state);
     }
 
     fn restore(&mut self, state: &mut StateReader<'_>) {
@@ -128,7 +127,14 @@ impl<const N: usize> State for Block<N> {
     }
 }
 
-/// Takes so many bytes: once for blocks of all lengths.
+/// Once for blocks of all lengths, as `restore`.
+#[inline(never)]
+fn save(bytes: &[u8], length: u16, state: &mut StateWriter<'_>) {
+    state.u16(length);
+    state.bytes(bytes.get(..usize::from(length)).unwrap_or_default());
+}
+
+/// Takes so many bytes.
 #[inline(never)]
 fn restore(bytes: &mut [u8], length: &mut u16, state: &mut StateReader<'_>) {
     if let Some(place) = bytes.get_mut(..usize::from(*length)) {

@@ -287,8 +287,9 @@ impl<const DATA: usize> BlockSender<DATA> {
         self.mark = (self.mark + 1) % OWN_MARKS;
         self.mark = self.mark.max(1);
         self.has_left = false;
-        self.ahead = self.ahead.saturating_add(1);
-        self.unsettled = self.unsettled.saturating_add(1);
+        // A restored state may say anything.
+        self.ahead = self.ahead.wrapping_add(1);
+        self.unsettled = self.unsettled.wrapping_add(1);
     }
 
     /// Whether a block is with the link in part: where the partner must not see half of one, it has to become whole.
