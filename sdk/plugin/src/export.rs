@@ -125,6 +125,7 @@ impl<C: Converter> Cell<C> {
                 if let Some(error) = wrong {
                     error.tell(|byte| words.push(&[byte]));
                 }
+                words.finish();
                 -i32::from(refusal.code())
             }
         }
@@ -198,6 +199,7 @@ impl<const STATE: usize> Buffers<STATE> {
             writer.push(b":");
             writer.number(place.line());
         }
+        writer.finish();
     }
 }
 
@@ -209,20 +211,20 @@ struct Words<'a> {
 
 impl<'a> Words<'a> {
     fn begin(region: &'a mut [u8; WORDS]) -> Self {
-        let mut words = Self { region, length: 0 };
-        words.set_length();
-        words
+        Self { region, length: 0 }
     }
 
-    fn set_length(&mut self) {
+    /// Only now a host sees the text.
+    #[inline(never)]
+    fn finish(&mut self) {
         copy(self.region, &(self.length as u32).to_le_bytes());
     }
 
+    #[inline(never)]
     fn push(&mut self, text: &[u8]) {
         let free = self.region.get_mut(4 + self.length..).unwrap_or_default();
         self.length += text.len().min(free.len());
         copy(free, text);
-        self.set_length();
     }
 
     fn number(&mut self, value: u32) {
