@@ -146,7 +146,10 @@ impl Plugin {
         }
         let text = data.as_slice();
         let (head, sum) = ([STX, text.len() as u8], [checks::sum(&[text])]);
-        let block: &[&[u8]] = if text.is_empty() { &[&[EOT]] } else { &[&head, text, &sum] };
+        let block: &[&[u8]] = match text.len() {
+            0 => &[&[EOT]],
+            _ => &[&head, text, &sum],
+        };
         self.awaits_answer = self.sender.give(link, block);
     }
 
