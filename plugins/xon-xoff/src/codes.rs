@@ -127,8 +127,7 @@ mod tests {
     fn every_byte_is_found_at_every_place_with_every_mask() {
         const LENGTH: usize = 2 * PIECE + 3;
         for mask in [0xFF, 0x7F, 0x0F, 0x80, 1] {
-            let settings =
-                Settings { xon: 0x11, xoff: 0x93, parity_mask: mask, ..Settings::UNSET };
+            let settings = Settings { xon: 0x11, xoff: 0x93, parity_mask: mask, ..Settings::UNSET };
             let codes = Codes::new(&settings);
             for byte in 0..=u8::MAX {
                 for filler in [b'N', 0x12, 0xFF] {

@@ -317,10 +317,8 @@ fn opened<C: Converter>(
 ) {
     use EventKind as Kind;
     // Not those that the caller takes: their code is then left out.
-    if !matches!(
-        kind,
-        Kind::Settings | Kind::Open | Kind::Restore | Kind::Received | Kind::JobData
-    ) {
+    if !matches!(kind, Kind::Settings | Kind::Open | Kind::Restore | Kind::Received | Kind::JobData)
+    {
         Event::read(kind, reader, Opened { converter, link, is_saving });
     }
 }

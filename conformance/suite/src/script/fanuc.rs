@@ -19,7 +19,7 @@ const HOUR: Micros = Micros::from_secs(3_600);
 type Settings = &'static [(&'static str, &'static str)];
 
 pub(super) fn scripts() -> Vec<Script> {
-    let mut all = vec![drip_feed(), request(), punch(), slow_host()];
+    let mut all = vec![drip_feed(), late(), late_packets(), request(), punch(), slow_host()];
     all.extend(readers());
     all.extend(remote_buffers());
     all.extend(broken_punches());
@@ -139,6 +139,51 @@ fn drip_feed() -> Script {
         play.equal("times that the tool had to wait", 0, report.starved)?;
         play.demand("the feed hold held the line", report.held > Micros::from_secs(15), report.held)
     })
+}
+
+/// As from a slow disk or over a network.
+const EVERY: Micros = Micros::from_millis(40);
+
+fn late() -> Script {
+    let clauses = ["fanuc-rs232.feed.obey-dc3", "fanuc-rs232.feed.done-when-left"];
+    let control = small(Options { line: seven_even_two(9_600), ..Options::default() });
+    let title = "READ of a program whose data comes late, in pieces: it arrives as it is";
+    script("reader-late", title, &clauses, &[], control, 1, |play| {
+        let program = program(20);
+        let job = play.late_job("send", &[], program.as_bytes())?;
+        let now = play.now();
+        play.partner().press(now, Press::Read);
+        let end = play.end_of_late(job, 31, EVERY)?;
+        let sent = play.host.sent().len() as u64;
+        play.equal("the job's end", Ok(sent), end)?;
+        play.run(SECOND)?;
+        arrived(play, &program)
+    })
+}
+
+fn late_packets() -> Script {
+    let clauses = ["fanuc-rs232.remote.data", "fanuc-rs232.remote.end"];
+    let settings = &[("mode", "remote-a"), ("packet_size", "1024")];
+    let title = "Remote buffer A: a program whose data comes late, in pieces: it arrives as it is";
+    script(
+        "remote-a-late",
+        title,
+        &clauses,
+        settings,
+        remote(RemoteOptions::default()),
+        1,
+        |play| {
+            let program = program(100);
+            let job = play.late_job("send", &[], program.as_bytes())?;
+            play.run(Micros::from_secs(2))?;
+            let now = play.now();
+            play.partner().press(now, Press::Read);
+            let end = play.end_of_late(job, 500, Micros::from_millis(300))?;
+            play.demand("the job must be done", end.is_ok(), end)?;
+            play.run(SECOND)?;
+            arrived(play, &program)
+        },
+    )
 }
 
 fn punch() -> Script {
@@ -261,8 +306,9 @@ fn request() -> Script {
     })
 }
 
-fn remote_buffers() -> Vec<Script> {
-    let control = |remote| Options {
+/// A control with the remote buffer.
+fn remote(remote: RemoteOptions) -> Options {
+    Options {
         interface: Interface::RemoteA,
         line: seven_even_two(19_200),
         buffer: 4_096,
@@ -270,13 +316,16 @@ fn remote_buffers() -> Vec<Script> {
         block_time: Micros::from_millis(20),
         remote,
         ..Options::default()
-    };
+    }
+}
+
+fn remote_buffers() -> Vec<Script> {
     let settings: Settings = &[("mode", "remote-a"), ("packet_size", "100")];
     let damaged =
         RemoteOptions { wrong_sums: vec![0, 8], refusals: vec![3, 9], ..RemoteOptions::default() };
-    let remote = |slug, title, clauses: &[&'static str], options: RemoteOptions| {
+    let loops = |slug, title, clauses: &[&'static str], options: RemoteOptions| {
         let retries = options.wrong_sums.len() + options.refusals.len();
-        script(slug, title, clauses, settings, control(options), 1, move |play| {
+        script(slug, title, clauses, settings, remote(options), 1, move |play| {
             let program = program(60);
             let job = play.send(program.as_bytes())?;
             play.run(Micros::from_secs(2))?;
@@ -294,13 +343,13 @@ fn remote_buffers() -> Vec<Script> {
         })
     };
     vec![
-        remote(
+        loops(
             "remote-a",
             "Remote buffer A: a program in packets",
             &["fanuc-rs232.remote.initialise", "fanuc-rs232.remote.data", "fanuc-rs232.remote.end"],
             RemoteOptions::default(),
         ),
-        remote(
+        loops(
             "remote-a-damaged",
             "Remote buffer A: what is damaged is repeated, and nothing twice",
             &["fanuc-rs232.remote.sum", "fanuc-rs232.remote.repeat"],

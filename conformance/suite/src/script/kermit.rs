@@ -23,6 +23,7 @@ pub(super) fn scripts() -> Vec<Script> {
         receives("check-2", || Options { check: 2, ..bad_line() }),
         receives("eighth", || Options { eighth: Some(b'&'), ..bad_line() }),
         receives("long", || Options { long: Some(1_000), ..bad_line() }),
+        late(),
         interrupted(),
         slow_host(),
     ]
@@ -84,6 +85,23 @@ fn is_delivered(play: &mut Play<'_, Machine>) -> Outcome {
     play.equal("failures of deliveries", vec![None], failures)?;
     play.equal("the name", Some("O1.NC".to_owned()), ends[0].name.clone())?;
     play.same_bytes("what was delivered", &file(), &ends[0].bytes)
+}
+
+/// As from a slow disk or over a network.
+fn late() -> Script {
+    let title = "A file whose data comes late, in pieces, arrives as it is";
+    let clauses = ["kermit.tx.begin", "kermit.tx.confirmed"];
+    Script::new("kermit", "kermit.loop.late", title, &clauses, |context| {
+        let setup = Setup::new(Options::default().line, &[]);
+        context.play(&setup, Machine::new(Options::default()), |play| {
+            let job = play.late_job("send", &[], &file())?;
+            let end = play.end_of_late(job, 37, Micros::from_millis(40))?;
+            play.demand("the job is done", end.is_ok(), end)?;
+            let report = play.partner().report().clone();
+            play.demand("the machine has a whole file", report.is_done && report.is_kept, &report)?;
+            play.same_bytes("the file", &file(), &report.came)
+        })
+    })
 }
 
 /// The machine wants no more of the file behind its second packet of data.

@@ -15,6 +15,8 @@ use softplug_trial::ClosedLoop;
 use std::fmt::Debug;
 use std::rc::Rc;
 
+const DAY: Micros = Micros::from_secs(86_400);
+
 /// Events of one scenario that a plug-in may be given: one that keeps setting timers
 /// would else be waited for without end.
 const MOST_EVENTS: u64 = 200_000;
@@ -105,6 +107,14 @@ impl<'a, P: Partner> Play<'a, P> {
         Ok(id)
     }
 
+    /// The host gives a job up.
+    pub(super) fn abort(&mut self, job: u32) -> Outcome {
+        let now = self.line.now();
+        let aborted = self.line.line.link.abort(now, job, &mut self.host);
+        self.judged(aborted)?;
+        self.settle()
+    }
+
     /// Answers a request of the plug-in.
     pub(super) fn answer(&mut self, request: u32, answer: Result<&[u8], Failure>) -> Outcome {
         let now = self.line.now();
@@ -158,6 +168,33 @@ impl<'a, P: Partner> Play<'a, P> {
                 ));
             }
         }
+    }
+
+    /// As [`job`](Self::job), but nothing of its data is there yet.
+    pub(super) fn late_job(
+        &mut self,
+        kind: &str,
+        fields: &[(&str, &str)],
+        data: &[u8],
+    ) -> Outcome<u32> {
+        self.host.source_has = Some(0);
+        self.job(kind, fields, data)
+    }
+
+    /// Lets data of a [late job](Self::late_job) come, so many bytes each so often, until the job has ended; a
+    /// check pass reads it once more.
+    pub(super) fn end_of_late(&mut self, job: u32, piece: usize, every: Micros) -> Outcome<End> {
+        let until = self.now() + DAY;
+        while self.now() < until {
+            self.run(every)?;
+            if let Some(end) = self.ended(job) {
+                self.host.source_has = None;
+                return Ok(end);
+            }
+            self.host.source_has = self.host.source_has.map(|has| has + piece);
+            self.settle()?;
+        }
+        Err(diverged(self.now(), format!("job {job} does not end within a day"), "an end", "none"))
     }
 
     /// How the job ended, if it has.

@@ -55,6 +55,7 @@ pub(super) fn scripts() -> Vec<Script> {
     all.extend(transmission_limits());
     all.extend(together());
     all.extend(lossy());
+    all.extend(late());
     all.push(reception_limit());
     all
 }
@@ -269,6 +270,31 @@ fn lossy() -> Vec<Script> {
         }
     }
     all
+}
+
+/// As from a slow disk or over a network.
+fn late() -> Vec<Script> {
+    let dialects: [(Dialect, &[&'static str]); 3] = [
+        (R3964, &["r3964.tx.no-false-success"]),
+        (WITHOUT_CHECK, &["3964.tx.acknowledged"]),
+        (SIMPLIFIED, &["r3964-simplified.tx.one-transmission"]),
+    ];
+    let all = dialects.into_iter().map(|(dialect, clauses)| {
+        let id = format!("{}.loop.late", dialect.profile);
+        let title = "A block whose data comes late, in pieces, arrives as it is";
+        Script::new(dialect.profile, id, title, clauses, move |context| {
+            context.play(&dialect.setup(&[]), dialect.station(|_| ()), |play| {
+                let data: Vec<u8> = (0..=99).collect();
+                let job = play.late_job("send", &[], &data)?;
+                let end = play.end_of_late(job, 7, Micros::from_millis(30))?;
+                play.demand("the job is done", end.is_ok(), end)?;
+                let received = &play.partner().report().received;
+                let received: Vec<_> = received.iter().map(|block| block.data.clone()).collect();
+                play.equal("what the partner received", vec![data], received)
+            })
+        })
+    });
+    all.collect()
 }
 
 /// The nth block of one side: none is another's.

@@ -17,7 +17,7 @@ const PROCEDURE: [(&str, &str); 3] =
     [("bwz", "4000"), ("setup_attempts", "6"), ("transmission_attempts", "6")];
 
 pub(super) fn scripts() -> Vec<Script> {
-    vec![write_and_read(), served(), unknown_area()]
+    vec![write_and_read(), late(), served(), unknown_area()]
 }
 
 fn setup() -> Setup {
@@ -69,6 +69,25 @@ fn write_and_read() -> Script {
             play.same_bytes("what was read", &expected[20..340], &deliveries[0].1.bytes)?;
             let errors: Vec<u8> = play.partner().served.iter().map(|one| one.error).collect();
             play.equal("errors of the computer", vec![0; errors.len()], errors)
+        })
+    })
+}
+
+/// As from a slow disk or over a network.
+fn late() -> Script {
+    let title = "What is written into a computer comes late, in pieces, and arrives as it is";
+    let clauses = ["rk512.send.command", "rk512.send.follow-up"];
+    Script::new("rk512", "rk512.loop.late", title, &clauses, |context| {
+        context.play(&setup(), computer(), |play| {
+            let data: Vec<u8> = (0..300_u32).map(|n| (n * 13 + 5) as u8).collect();
+            let place = [("area", "DB"), ("block", "5"), ("offset", "20")];
+            let write = play.late_job("write", &place, &data)?;
+            let end = play.end_of_late(write, 17, Micros::from_millis(30))?;
+            play.demand("the write must be done", end.is_ok(), end)?;
+            let mut expected = content();
+            expected[40..340].copy_from_slice(&data);
+            let memory = play.partner().memory.area(Area::Db(5)).map(<[u8]>::to_vec);
+            play.same_bytes("the computer's memory", &expected, &memory.unwrap_or_default())
         })
     })
 }

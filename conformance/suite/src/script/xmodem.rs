@@ -2,7 +2,7 @@
 
 use super::case::Script;
 use super::failure::Outcome;
-use super::play::Play;
+use super::play::{End, Play};
 use super::setup::Setup;
 use super::xon_xoff::program;
 use softplug_abi::{LineParameters, Micros};
@@ -18,6 +18,7 @@ pub(super) fn scripts() -> Vec<Script> {
         receives("checksum", &[("mode", "checksum")], false),
         receives("crc", &[], false),
         receives("long", &[], true),
+        late(),
         slow_host(),
     ]
 }
@@ -40,9 +41,29 @@ fn sends(slug: &str, settings: &'static [(&'static str, &'static str)], is_crc: 
     })
 }
 
+/// As from a slow disk or over a network.
+fn late() -> Script {
+    let title = "A file whose data comes late, in pieces, arrives as it is";
+    let clauses = ["xmodem.tx.on-call", "xmodem.tx.end"];
+    Script::new("xmodem", "xmodem.loop.late", title, &clauses, |context| {
+        let options = Options { begins: Micros::from_secs(1), ..Options::default() };
+        let setup = Setup::new(options.line, &[("call", "off")]);
+        context.play(&setup, Control::new(options), |play| {
+            let program = program(3_000);
+            let job = play.late_job("send", &[], &program)?;
+            let end = play.end_of_late(job, 37, Micros::from_millis(40))?;
+            is_whole(play, &program, end)
+        })
+    })
+}
+
 fn is_sent(play: &mut Play<'_, Control>, program: &[u8]) -> Outcome {
     let job = play.send(program)?;
     let end = play.end_of(job, DAY)?;
+    is_whole(play, program, end)
+}
+
+fn is_whole(play: &mut Play<'_, Control>, program: &[u8], end: End) -> Outcome {
     play.demand("the job is done", end.is_ok(), end)?;
     let report = play.partner().report().clone();
     play.demand("the control has a whole file", report.is_done, report.blocks)?;

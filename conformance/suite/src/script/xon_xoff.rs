@@ -5,7 +5,9 @@ use super::case::Script;
 use super::failure::Outcome;
 use super::play::Play;
 use super::setup::Setup;
-use softplug_abi::{LineParameters, Micros};
+use softplug_abi::{Failure, LineParameters, Micros};
+use softplug_machines::Signal;
+use softplug_machines::script::{Line, Script as Machine};
 use softplug_machines::xon_xoff::{Control, ControlOptions};
 use std::fmt::Write as _;
 
@@ -32,6 +34,8 @@ const FEEDS: [Feed; 4] = [
 
 pub(super) fn scripts() -> Vec<Script> {
     let mut all: Vec<Script> = FEEDS.into_iter().map(feed).collect();
+    all.push(late());
+    all.push(late_behind_a_hold());
     all.push(swapped());
     all.push(punch());
     all
@@ -74,6 +78,67 @@ fn fed(play: &mut Play<'_, Control>, program: &[u8], most: u32) -> Outcome {
     play.demand("the control held the line again and again", report.holds > 5, report.holds)?;
     let after = report.characters_after_xoff.max();
     play.demand(&format!("at most {most} characters after XOFF"), after <= most, after)
+}
+
+/// As from a slow disk or over a network.
+const PIECE: usize = 30;
+const EVERY: Micros = Micros::from_millis(40);
+
+fn late() -> Script {
+    let title = "A feed whose data comes late, in pieces: everything arrives";
+    let clauses = ["xon-xoff.tx.obey-xoff", "xon-xoff.tx.done-when-left"];
+    Script::new("xon-xoff", "xon-xoff.loop.feed-late", title, &clauses, |context| {
+        let options =
+            ControlOptions { buffer: 256, low: 96, high: 128, rate: 400, ..Default::default() };
+        let setup = Setup::new(options.line, &[]);
+        let control = Control::new(options).expect("the scenario's control is sound");
+        context.play(&setup, control, |play| {
+            let program = program(2_000);
+            let job = play.late_job("send", &[], &program)?;
+            let end = play.end_of_late(job, PIECE, EVERY)?;
+            play.equal("the job's end", Ok(program.len() as u64), end)?;
+            play.run(Micros::from_secs(120))?;
+            let report = play.partner().report();
+            let sent = play.host.sent();
+            play.same_bytes("what was sent", &program, &sent)?;
+            play.demand("the control held the line", report.holds > 2, report.holds)
+        })
+    })
+}
+
+/// The time of a hold ends with its job: it does not fail the next one, which waits for its data just then.
+fn late_behind_a_hold() -> Script {
+    let title =
+        "A hold of an aborted job has nothing to do with the next one, whose data comes late";
+    let clauses = ["xon-xoff.tx.held-timeout", "xon-xoff.link.swap"];
+    let id = "xon-xoff.loop.late-behind-a-hold";
+    Script::new("xon-xoff", id, title, &clauses, |context| {
+        // XOFF at once, XON at 8.7 s.
+        let (behind, apart) = (0, Micros::ZERO);
+        let says =
+            |signal, gap| Line { behind, gap, apart, signals: vec![Signal::Character(signal)] };
+        let lines = vec![says(0x13, Micros(0)), says(0x11, Micros::from_millis(8_700))];
+        let mut machine = Machine::new(b"G1 X1\n".to_vec(), lines);
+        machine.begin(Micros::ZERO);
+        let setup = Setup::new(LineParameters::new(9_600), &[("held_timeout", "5000")]);
+        context.play(&setup, machine, |play| {
+            let until = |seconds| Micros::from_secs(seconds);
+            play.run_until(until(1))?;
+            let first = play.send(b"AB")?;
+            play.run_until(until(2))?;
+            play.abort(first)?;
+            play.equal("the first job's end", Some(Err((Failure::Aborted, 0))), play.ended(first))?;
+            play.swap()?;
+            let second = play.late_job("send", &[], b"G1 X1\n")?;
+            // The first one would have been held for too long at 6 s.
+            play.run_until(until(8))?;
+            play.equal("the second job's end", None, play.ended(second))?;
+            let end = play.end_of_late(second, PIECE, EVERY)?;
+            play.equal("the second job's end", Ok(6), end)?;
+            let report = play.partner().report().clone();
+            play.demand("the machine has it", report.is_over, report)
+        })
+    })
 }
 
 /// A fresh instance takes over ten times a second, also while the line is held.
