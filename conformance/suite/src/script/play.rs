@@ -220,6 +220,12 @@ impl<'a, P: Partner> Play<'a, P> {
         ended.collect()
     }
 
+    /// What was seen so far is no part of the log, and what was done does not count.
+    pub(super) fn forget(&mut self) {
+        self.host.observed.clear();
+        self.meter.steps.set(0);
+    }
+
     /// The plug-in is saved, and a fresh instance takes over.
     pub(super) fn swap(&mut self) -> Outcome {
         let now = self.now();

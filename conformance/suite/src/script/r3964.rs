@@ -56,6 +56,7 @@ pub(super) fn scripts() -> Vec<Script> {
     all.extend(together());
     all.extend(lossy());
     all.extend(late());
+    all.push(many());
     all.push(reception_limit());
     all
 }
@@ -295,6 +296,30 @@ fn late() -> Vec<Script> {
         })
     });
     all.collect()
+}
+
+/// More than 16 bits count.
+fn many() -> Script {
+    let title = "65,600 blocks each way on one open link: each arrives once";
+    let clauses = ["r3964.tx.no-false-success", "r3964.rx.at-least-once"];
+    Script::new("r3964", "r3964.loop.many", title, &clauses, |context| {
+        context.play(&R3964.setup(&[]), R3964.station(|_| ()), |play| {
+            for number in 0..65_600_u32 {
+                let block = number.to_le_bytes().to_vec();
+                let job = play.send(&block)?;
+                let end = play.end_of(job, LONG)?;
+                play.demand("the job is done", end.is_ok(), end)?;
+                let now = play.now();
+                play.partner().send(now, block.clone());
+                play.run(Micros::from_millis(40))?;
+                let delivered = play.deliveries().pop().map(|(_, one)| one.bytes);
+                play.equal("what was delivered", Some(block), delivered)?;
+                play.forget();
+            }
+            let received = play.partner().report().received.len();
+            play.equal("blocks that the partner received", 65_600, received)
+        })
+    })
 }
 
 /// The nth block of one side: none is another's.

@@ -34,6 +34,7 @@ const FEEDS: [Feed; 4] = [
 
 pub(super) fn scripts() -> Vec<Script> {
     let mut all: Vec<Script> = FEEDS.into_iter().map(feed).collect();
+    all.push(many_jobs());
     all.push(late());
     all.push(late_behind_a_hold());
     all.push(swapped());
@@ -78,6 +79,26 @@ fn fed(play: &mut Play<'_, Control>, program: &[u8], most: u32) -> Outcome {
     play.demand("the control held the line again and again", report.holds > 5, report.holds)?;
     let after = report.characters_after_xoff.max();
     play.demand(&format!("at most {most} characters after XOFF"), after <= most, after)
+}
+
+/// More than 16 bits count.
+fn many_jobs() -> Script {
+    let title = "65,600 jobs on one open link: each is done";
+    let clauses = ["xon-xoff.tx.done-when-left"];
+    Script::new("xon-xoff", "xon-xoff.loop.many-jobs", title, &clauses, |context| {
+        let options = ControlOptions { line: LineParameters::new(115_200), ..Default::default() };
+        let setup = Setup::new(options.line, &[]);
+        let control = Control::new(options).expect("the scenario's control is sound");
+        context.play(&setup, control, |play| {
+            for _ in 0..65_600 {
+                let job = play.send(b"G")?;
+                let end = play.end_of(job, DAY)?;
+                play.equal("the job's end", Ok(1), end)?;
+                play.forget();
+            }
+            Ok(())
+        })
+    })
 }
 
 /// As from a slow disk or over a network.
