@@ -14,6 +14,7 @@ mod kermit;
 mod play;
 mod r3964;
 mod rk512;
+mod settings;
 mod setup;
 mod xmodem;
 mod xon_xoff;
@@ -36,6 +37,7 @@ pub fn all() -> Vec<Script> {
     all.extend(kermit::scripts());
     all.extend(r3964::scripts());
     all.extend(rk512::scripts());
+    all.extend(settings::scripts());
     all.extend(xmodem::scripts());
     all.extend(xon_xoff::scripts());
     all.sort_by(|a, b| a.id.cmp(&b.id));
