@@ -65,15 +65,22 @@ impl<const N: usize> Answers<N> {
         let room = if self.owes_nothing() { link.transmit_room() as usize } else { 0 };
         let count = room.min(answer.len());
         let (now, later) = answer.split_at_checked(count).unwrap_or_default();
+        let fits = self.keep(later);
+        if fits && !now.is_empty() {
+            link.transmit(now);
+        }
+        fits
+    }
+
+    /// Lets an answer wait until it is [paid](Self::pay): where it must not stand in the middle of a
+    /// [block](super::BlockSender::is_given_in_part). `false`: it finds no place to wait as a whole.
+    pub fn keep(&mut self, answer: &[u8]) -> bool {
         let used = usize::from(self.length);
         let free = self.waiting.get_mut(used..).unwrap_or_default();
-        let fits = later.len() <= free.len();
+        let fits = answer.len() <= free.len();
         if fits {
-            if !now.is_empty() {
-                link.transmit(now);
-            }
-            copy(free, later);
-            self.length += later.len() as u8;
+            copy(free, answer);
+            self.length += answer.len() as u8;
         }
         fits
     }

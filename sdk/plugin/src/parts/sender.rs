@@ -9,6 +9,8 @@ pub const OWN_MARKS: u32 = 0x8000_0000;
 /// Most bytes of a frame in each of the two pieces that stand before an answer. The smallest queue, of 64 bytes,
 /// has room for both and for some answers: so a frame is cut into the same pieces in each.
 const SHORT_PIECE: usize = 24;
+/// Bytes of output that the records around a block's bytes take, and what else an event brings.
+const HEADS: usize = 128;
 /// Pieces of a frame with the link.
 const AHEAD: u8 = 2;
 /// Most marks that are not settled: a link takes 64 of all kinds.
@@ -224,13 +226,18 @@ impl<const DATA: usize> BlockSender<DATA> {
         for part in block {
             let rest = part.get(gone..).unwrap_or_default();
             gone = gone.saturating_sub(part.len());
-            let count = rest.len().min(link.transmit_room() as usize);
+            let room = link.output_room().saturating_sub(HEADS).min(link.transmit_room() as usize);
+            let count = rest.len().min(room);
             if count > 0 {
                 link.transmit(rest.get(..count).unwrap_or_default());
                 self.given += count as u16;
                 self.sent += count as u64;
             }
             if count < rest.len() {
+                if link.transmit_room() > 0 {
+                    // There is more room than one event's output has.
+                    link.again();
+                }
                 return false;
             }
         }
@@ -342,6 +349,11 @@ impl<const DATA: usize> BlockSender<DATA> {
         if self.is_down {
             self.stop(link, failure);
         } else if self.is_active() {
+            if self.given > 0 && self.unsettled == 0 {
+                // What was given by `give` has no mark yet.
+                self.next_mark();
+                link.transmit_marked(self.mark, &[]);
+            }
             self.stopping = Some(failure);
             self.is_cut = true;
             self.settle(link);

@@ -76,7 +76,7 @@ impl Converter for Plugin {
         }
     }
 
-    parts!(timers, answers, sender);
+    parts!(timers, sender);
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let rest = link.each_byte(bytes, RESERVE, |link, byte| self.hear(link, byte));
@@ -99,7 +99,7 @@ impl Converter for Plugin {
             Some(Timer::Answer) => self.stop(link, Failure::NoAnswer),
             Some(Timer::Character) => {
                 self.heard.clear();
-                self.answers.say(link, &[NAK]);
+                self.answers.keep(&[NAK]);
             }
             None => {}
         }
@@ -136,6 +136,10 @@ impl Converter for Plugin {
 impl Plugin {
     /// Sends the next block, or EOT, if nothing else is awaited.
     fn go_on(&mut self, link: &mut Context<'_>) {
+        // An answer never stands in the middle of a block of our own.
+        if !self.sender.is_given_in_part() {
+            self.answers.pay(link);
+        }
         let can_go = self.sender.is_active() && !self.sender.is_paused();
         if self.awaits_answer || !can_go || !self.answers.owes_nothing() {
             return;
@@ -175,7 +179,7 @@ impl Plugin {
             match byte {
                 ACK | NAK => return self.answered(link, byte == ACK),
                 EOT => {
-                    self.answers.say(link, &[ACK]);
+                    self.answers.keep(&[ACK]);
                     return self.end(link, None);
                 }
                 STX => {}
@@ -190,7 +194,7 @@ impl Plugin {
         {
             let has_room = text.len() <= link.delivery_room() as usize;
             let is_taken = *sum == checks::sum(&[text]) && has_room;
-            let is_answered = self.answers.say(link, &[if is_taken { ACK } else { NAK }]);
+            let is_answered = self.answers.keep(&[if is_taken { ACK } else { NAK }]);
             if is_taken && is_answered && !text.is_empty() {
                 if !self.is_open {
                     self.is_open = true;

@@ -78,7 +78,7 @@ impl Converter for Plugin {
         }
     }
 
-    parts!(timers, answers, sender);
+    parts!(timers, sender);
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let rest = link.each_byte(bytes, RESERVE, |link, byte| match byte {
@@ -144,6 +144,10 @@ impl Converter for Plugin {
 impl Plugin {
     /// Sends the next line, if there is one and nothing else is awaited.
     fn go_on(&mut self, link: &mut Context<'_>) {
+        // An answer never stands in the middle of a line of our own.
+        if !self.sender.is_given_in_part() {
+            self.answers.pay(link);
+        }
         let can_go = self.sender.is_active() && !self.sender.is_paused();
         if self.awaits_answer || !can_go || !self.answers.owes_nothing() {
             return;
@@ -187,7 +191,7 @@ impl Plugin {
         }
         let line = self.heard.as_slice();
         let is_taken = !self.is_bad && line.len() <= link.delivery_room() as usize;
-        let is_answered = self.answers.say(link, &[if is_taken { ACK } else { NAK }]);
+        let is_answered = self.answers.keep(&[if is_taken { ACK } else { NAK }]);
         if is_taken && is_answered {
             self.delivery = self.delivery.wrapping_add(1).max(1);
             link.delivery_begin(self.delivery, 0);
