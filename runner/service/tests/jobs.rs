@@ -246,7 +246,7 @@ fn a_job_is_done_again_from_a_block_with_the_data_as_they_were() {
     let data = snapshots.take_all(&mut program.as_bytes(), "O1", 1_000).unwrap();
     let first = jobs
         .submit(JobSpec {
-            fields: vec![("from_block".into(), "2".into())],
+            fields: vec![("from_block".into(), "2".into()), ("from_sequence".into(), "20".into())],
             ..JobSpec::send("lathe", "O1", data)
         })
         .unwrap();
@@ -263,10 +263,10 @@ fn a_job_is_done_again_from_a_block_with_the_data_as_they_were() {
     let again = jobs.restart(first.id, BeginAt::Byte(5), None, &snapshots).unwrap();
     assert_eq!(again.spec.from, 5);
     let by_plug_in =
-        jobs.restart(first.id, BeginAt::Block(4), Some("from_block"), &snapshots).unwrap();
+        jobs.restart(first.id, BeginAt::Block(4), Some("from_line"), &snapshots).unwrap();
     assert_eq!(
         (by_plug_in.spec.from, &by_plug_in.spec.fields[..]),
-        (0, &[("from_block".into(), "4".into())][..])
+        (0, &[("from_line".into(), "4".into())][..])
     );
     for at in [BeginAt::Block(0), BeginAt::Block(7), BeginAt::Byte(31)] {
         assert!(jobs.restart(first.id, at, None, &snapshots).is_err(), "{at:?}");

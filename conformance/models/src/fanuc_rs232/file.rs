@@ -35,6 +35,8 @@ pub(super) struct Character {
 pub(super) struct Block {
     pub(super) characters: Vec<Character>,
     pub(super) has_eob: bool,
+    /// The line of the file at which it begins, from 1.
+    pub(super) line: u32,
 }
 
 /// A program, cut into its parts.
@@ -52,7 +54,8 @@ pub(super) struct Program {
 /// An EOB or a character, after replacement.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 enum Item {
-    Eob,
+    /// With the line that it ends.
+    Eob(u32),
     Character(Character),
 }
 
@@ -70,8 +73,12 @@ pub(super) fn read(data: &[u8], rules: &Rules) -> Program {
     let mut is_percent_line = has_percent;
     let mut is_in_comment = false;
     for item in items.by_ref() {
+        if block.line == 0 {
+            let (Item::Eob(line) | Item::Character(Character { line, .. })) = item;
+            block.line = line;
+        }
         match item {
-            Item::Eob => {
+            Item::Eob(_) => {
                 block.has_eob = true;
                 program.put(std::mem::take(&mut block), is_percent_line);
                 (is_percent_line, is_in_comment) = (false, false);
@@ -116,7 +123,7 @@ pub(super) fn lines(text: &[u8], rules: &Rules) -> Vec<Vec<Character>> {
     let mut lines = vec![Vec::new()];
     for item in items(text, rules) {
         match item {
-            Item::Eob => lines.push(Vec::new()),
+            Item::Eob(_) => lines.push(Vec::new()),
             Item::Character(character) => {
                 lines.last_mut().into_iter().for_each(|line| line.push(character));
             }
@@ -157,7 +164,7 @@ fn items(data: &[u8], rules: &Rules) -> Vec<Item> {
                 let character = |byte| Item::Character(Character { byte, line, column });
                 items.extend(left.map(character));
             }
-            Part::End => items.push(Item::Eob),
+            Part::End => items.push(Item::Eob(line)),
             Part::EndGoesOn => {}
         }
     }
@@ -177,7 +184,7 @@ fn supported(byte: u8, rules: &Rules) -> Option<u8> {
 
 fn is_blank(item: Item, blanks: &[u8]) -> bool {
     match item {
-        Item::Eob => true,
+        Item::Eob(_) => true,
         Item::Character(character) => blanks.contains(&character.byte),
     }
 }

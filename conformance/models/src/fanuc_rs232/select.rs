@@ -8,6 +8,7 @@ use super::rules::Rules;
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(super) struct Start {
     pub(super) from_block: Option<i64>,
+    pub(super) from_line: Option<i64>,
     pub(super) from_sequence: Option<i64>,
     pub(super) preamble: Option<Vec<u8>>,
 }
@@ -21,7 +22,12 @@ impl Start {
         let field = |name: &str| fields.iter().find(|(known, _)| known == name);
         let number = |name| field(name).and_then(|(_, value)| value.parse().ok());
         let preamble = field("preamble").map(|(_, text)| text.clone().into_bytes());
-        Self { from_block: number("from_block"), from_sequence: number("from_sequence"), preamble }
+        Self {
+            from_block: number("from_block"),
+            from_line: number("from_line"),
+            from_sequence: number("from_sequence"),
+            preamble,
+        }
     }
 
     /// Text stands before the block.
@@ -31,7 +37,9 @@ impl Start {
 
     /// The job begins with its program.
     fn is_plain(&self) -> bool {
-        self.from_block.is_none() && self.from_sequence.is_none() && !self.has_preamble()
+        let is_asked =
+            [self.from_block, self.from_line, self.from_sequence].iter().any(Option::is_some);
+        !is_asked && !self.has_preamble()
     }
 
     /// A field is out of its range.
@@ -39,7 +47,7 @@ impl Start {
         let within = |value: Option<i64>, first| {
             value.is_none_or(|value| (first..=LARGEST).contains(&value))
         };
-        !within(self.from_block, 1) || !within(self.from_sequence, 0)
+        !within(self.from_block, 1) || !within(self.from_line, 1) || !within(self.from_sequence, 0)
     }
 }
 
@@ -62,9 +70,11 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     }
     // The line with the program number goes along, if it is block 1.
     let lead = usize::from(blocks.first().is_some_and(|block| has_program_number(block, rules)));
-    let is_lead_wanted =
-        lead == 1 && start.from_sequence.is_none() && start.from_block.unwrap_or(1) == 1;
-    let first = start.from_block.map_or(0, |block| usize::try_from(block - 1).unwrap_or(0));
+    let first = match start.from_line {
+        Some(line) => blocks.iter().take_while(|block| i64::from(block.line) < line).count(),
+        None => start.from_block.map_or(0, |block| usize::try_from(block - 1).unwrap_or(0)),
+    };
+    let is_lead_wanted = lead == 1 && start.from_sequence.is_none() && first == 0;
     let first = first.max(lead);
     // With both fields: the first with this number from that block on. The page does not
     // say so.

@@ -26,6 +26,7 @@ pub(super) const CLAUSES: &[&str] = &[
     "fanuc-rs232.feed.one-job",
     "fanuc-rs232.feed.echo",
     "fanuc-rs232.feed.from-block",
+    "fanuc-rs232.feed.from-line",
     "fanuc-rs232.feed.from-sequence",
     "fanuc-rs232.feed.preamble",
     "fanuc-rs232.tape.eob-in",

@@ -20,7 +20,10 @@ pub(super) struct Restart {
     pub(super) seeks: bool,
     /// Line ends of the preamble.
     pub(super) ends: Ends,
-    spare: [u8; 2],
+    /// `block` is a line of the file.
+    is_line: bool,
+    /// That line has come.
+    is_reached: bool,
     preamble: [u8; LONGEST],
 }
 
@@ -29,6 +32,7 @@ impl Restart {
     pub(super) fn take(&mut self, fields: &Values<'_>) -> Result<(), Failure> {
         (self.seeks, self.block, self.sequence) = (false, 1, NO_NUMBER);
         (self.length, self.at, self.ends) = (0, 0, Ends::InLine);
+        (self.is_line, self.is_reached) = (false, false);
         for field in fields.clone().raw() {
             let field = field.map_err(|_| Failure::BadJob)?;
             let text = field.text_bytes().unwrap_or_default();
@@ -40,6 +44,7 @@ impl Restart {
                 0 if number > 0 => self.block = number,
                 1 => self.sequence = number,
                 2 => self.set_preamble(text),
+                3 if number > 0 => (self.block, self.is_line) = (number, true),
                 _ => return Err(Failure::BadJob),
             }
         }
@@ -67,8 +72,14 @@ impl Restart {
         byte
     }
 
+    /// A block begins at this line of the file.
+    pub(super) fn at_line(&mut self, line: u32) {
+        self.is_reached |= self.seeks && line >= self.block;
+    }
+
     /// Whether the block with this place and number is the one.
     pub(super) fn is_found(&self, block: u32, sequence: u32) -> bool {
-        block >= self.block && (self.sequence == NO_NUMBER || self.sequence == sequence)
+        let is_reached = if self.is_line { self.is_reached } else { block >= self.block };
+        is_reached && (self.sequence == NO_NUMBER || self.sequence == sequence)
     }
 }

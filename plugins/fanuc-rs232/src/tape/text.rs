@@ -99,6 +99,7 @@ impl Encoder {
         let place = &mut self.place;
         place.block += 1;
         place.prefix.clear();
+        self.restart.at_line(place.line);
         let has_prefix = self.restart.seeks || settings.block_numbers != BlockNumbers::Keep;
         place.part = if has_prefix { Part::Prefix } else { Part::Block };
     }

@@ -33,8 +33,9 @@ use crate::view::{
 const SWAPPING: Duration = Duration::from_secs(5);
 /// The kind of job that is meant if nothing else is said.
 const SEND: &str = "send";
-/// The field by which a plug-in that finds blocks itself is told the first.
-const FROM_BLOCK: &str = "from_block";
+/// Fields by which a plug-in that finds blocks itself is told the first, by the line of the program or by a
+/// count of its own.
+const FROM: [&str; 2] = ["from_line", "from_block"];
 
 /// Links.
 impl Gateway {
@@ -314,7 +315,7 @@ impl Gateway {
 
 fn finds_blocks(plugin: &Plugin, kind: &str) -> Option<&'static str> {
     let kind = plugin.manifest().jobs.iter().find(|known| known.name == kind)?;
-    kind.fields.iter().any(|field| field.name == FROM_BLOCK).then_some(FROM_BLOCK)
+    FROM.into_iter().find(|name| kind.fields.iter().any(|field| field.name == *name))
 }
 
 /// The gateway itself.

@@ -39,6 +39,11 @@ impl Words<'_> {
     }
 }
 
+/// Whether a field of a job says where in its program it begins.
+pub(super) fn is_beginning(field: &str) -> bool {
+    field.starts_with("from_")
+}
+
 /// What a job is to do, beginning there. `field`: the field of the job's kind that takes the number of
 /// the first block, for a plug-in that finds blocks itself.
 ///
@@ -52,8 +57,9 @@ pub fn beginning_at(
     snapshots: &Snapshots,
 ) -> Result<JobSpec, JobsError> {
     (spec.from, spec.from_block, spec.words_before) = (0, 1, 0);
-    if let Some(field) = field {
-        spec.fields.retain(|(name, _)| name != field);
+    if field.is_some() {
+        // It begins here, wherever it began before.
+        spec.fields.retain(|(name, _)| !is_beginning(name));
     }
     let data = match (at, spec.data) {
         (BeginAt::Start, _) => return Ok(spec),

@@ -115,9 +115,10 @@ impl Job {
             }
             (true, false, false) => "nothing has left".to_owned(),
         };
-        match from {
-            0 => text,
-            from => format!("{text}; it began behind byte {}", grouped(from)),
+        match (from, self.spec.from_block) {
+            (0, 0..=1) => text,
+            (0, block) => format!("{text}; it began at block {}", grouped(block)),
+            (from, _) => format!("{text}; it began behind byte {}", grouped(from)),
         }
     }
 }

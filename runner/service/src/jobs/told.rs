@@ -26,6 +26,8 @@ pub(super) fn what(job: &Job) -> String {
     }
     if job.spec.from > 0 {
         let _ = write!(text, " from byte {}", job.spec.from);
+    } else if job.spec.from_block > 1 {
+        let _ = write!(text, " from block {}", job.spec.from_block);
     }
     if let Some(before) = job.spec.restarts {
         let _ = write!(text, ", in place of job {before}");

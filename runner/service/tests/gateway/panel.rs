@@ -11,6 +11,31 @@ use softplug_service::view::{JobFilter, JobOrigin, JobState, JournalFilter, Jour
 use crate::machine::Machine;
 use crate::shop::{Shop, wait_for};
 
+/// A block of a job is a line of its program, whatever the plug-in counts: none is left out.
+#[test]
+fn a_program_begins_at_the_line_that_was_asked_for() {
+    let shop = Shop::with(1, LINES);
+    let gateway = shop.gateway();
+    let lines = ["%", "O0777", "", "N10 X1", "N20 X2", "N30 X3", "%"];
+    fs::write(shop.path("programs").join("A"), lines.join("\n")).unwrap();
+    for block in 3..=6 {
+        let order = JobOrder {
+            program: Some("A".to_owned()),
+            from_block: Some(block),
+            ..JobOrder::default()
+        };
+        let job = gateway.submit(&Shop::name(0), &order).unwrap();
+        // DC1: the control reads.
+        shop.write(0, &[0x11]);
+        let expected = [&lines[..2], &lines[block as usize - 1..]].concat().join("\n");
+        let came = shop.read(0, expected.len());
+        assert_eq!(String::from_utf8(came).unwrap(), expected, "from block {block}");
+        wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+        let progress = gateway.job(job.id).unwrap().progress.text;
+        assert!(progress.ends_with(&format!("; it began at block {block}")), "{progress}");
+    }
+}
+
 const LINES: &str = "plugin = \"fanuc-rs232\"\nline = \"9600 8N2\"\n";
 
 fn press(panel: &Machine<Control>, key: Press) {

@@ -103,12 +103,13 @@ fn fields(dice: &mut Dice) -> Vec<(String, String)> {
     let mut add = |name: &str, value: String| fields.push((name.to_owned(), value));
     let number = dice.between(-1, 12).to_string();
     match dice.below(8) {
-        0..=2 => add("from_block", number),
+        0..=1 => add("from_block", number),
+        2 => add("from_line", number),
         3..=5 => add("from_sequence", (dice.below(6) * 10).to_string()),
         6 => add("from_sequence", number),
         7 if dice.one_in(2) => {
             let large = ["4294967294", "4294967295", "4294967296", "65536", "256", "30"];
-            let name = *dice.pick(&["from_block", "from_sequence"]);
+            let name = *dice.pick(&["from_block", "from_line", "from_sequence"]);
             add(name, (*dice.pick(&large)).to_owned());
         }
         _ => {}

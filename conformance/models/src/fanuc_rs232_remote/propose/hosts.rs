@@ -43,7 +43,8 @@ fn fields(dice: &mut Dice) -> Vec<(String, String)> {
         _ => dice.between(1, 5),
     };
     match dice.below(8) {
-        0..=3 => field("from_block", number.to_string()),
+        0..=2 => field("from_block", number.to_string()),
+        3 => field("from_line", number.to_string()),
         4..=6 => field("from_sequence", (number * *dice.pick(&[10, 10, 10, 1])).to_string()),
         _ => {}
     }

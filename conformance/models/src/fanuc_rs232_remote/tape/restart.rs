@@ -10,6 +10,7 @@ use softplug_abi::Failure;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Restart {
     from_block: Option<usize>,
+    from_line: Option<u32>,
     from_sequence: Option<u64>,
     preamble: Option<String>,
     /// Any of them is given.
@@ -30,6 +31,10 @@ impl Restart {
             match name.as_str() {
                 "from_block" => match number {
                     Some(block @ 1..) => restart.from_block = Some(block as usize),
+                    _ => return Err(bad),
+                },
+                "from_line" => match number {
+                    Some(line @ 1..) => restart.from_line = Some(line),
                     _ => return Err(bad),
                 },
                 "from_sequence" => match number {
@@ -85,7 +90,10 @@ impl Restart {
             return Found { kept: 0, from: Some(0), has_others: false, clause: "" };
         }
         let kept = usize::from(blocks.first().is_some_and(has_program_number));
-        let first = self.from_block.unwrap_or(1) - 1;
+        let first = match self.from_line {
+            Some(line) => blocks.iter().take_while(|block| block.line < line).count(),
+            None => self.from_block.unwrap_or(1) - 1,
+        };
         let fits = |at: &usize| {
             let number = blocks.get(*at).and_then(numbers::value);
             let is_number = self.from_sequence.is_none() || self.from_sequence == number;
