@@ -333,7 +333,8 @@ impl<'a, I: Instance> Drive<'a, I> {
             clock: self.clock,
             pieces: self.pieces,
         };
-        let swapped = self.line.link.swap(self.clock + self.now, fresh, &mut host);
+        let (now, accepts) = (self.clock + self.now, &self.manifest.state.accepts);
+        let swapped = self.line.link.swap_accepting(now, fresh, accepts, &mut host);
         swapped.map_err(|error| fault(self.now, error.to_string()))?;
         self.tell_all()
     }

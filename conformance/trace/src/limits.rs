@@ -8,9 +8,9 @@ pub const LINE_BYTES: usize = 64 << 10;
 /// Lines of a file.
 pub const LINES: usize = 500_000;
 /// Bytes that one `gen:` item makes or one `file:` item names.
-pub const ITEM_BYTES: u64 = 64 << 20;
+pub const ITEM_BYTES: u64 = 16 << 20;
 /// Bytes that all `gen:` items of a trace make together.
-pub const GENERATED_BYTES: u64 = 256 << 20;
+pub const GENERATED_BYTES: u64 = 32 << 20;
 /// Combinations of alternatives of a trace.
 pub const VARIANTS: usize = 64;
 /// Bytes of a name: an id, a clause, a profile, a setting, a code.

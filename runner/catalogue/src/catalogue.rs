@@ -101,6 +101,10 @@ impl Catalogue {
 
 /// What stands in a file; `None` if that is too much.
 fn text_of(path: &Path) -> Result<Option<String>, std::io::Error> {
+    // Opening a FIFO would wait for a writer.
+    if !fs::metadata(path)?.is_file() {
+        return Err(std::io::Error::other("it is no regular file"));
+    }
     let mut text = String::new();
     File::open(path)?.take(MOST_FILE_BYTES as u64 + 1).read_to_string(&mut text)?;
     Ok((text.len() <= MOST_FILE_BYTES).then_some(text))

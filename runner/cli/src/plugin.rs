@@ -55,18 +55,17 @@ impl Library {
 
     fn folders(&self) -> Vec<PathBuf> {
         let variable = env::var_os("SOFTPLUG_PLUGINS").filter(|folder| !folder.is_empty());
-        let beside = env::current_exe().ok().and_then(|executable| {
-            let folder = executable.parent()?.parent()?;
-            Some(folder.join("plugins"))
-        });
+        let executable = env::current_exe().unwrap_or_default();
+        // Beside the command; beside the folder in which it is, as `bin` or `target/release`.
+        let beside =
+            executable.ancestors().skip(1).take(2).map(|folder| Some(folder.join("plugins")));
         let mut folders: Vec<PathBuf> = Vec::new();
         let all = [
             self.plugins.clone(),
             variable.map(PathBuf::from),
             Some(PathBuf::from("target/plugins")),
-            beside,
         ];
-        for folder in all.into_iter().flatten() {
+        for folder in all.into_iter().chain(beside).flatten() {
             if !folders.contains(&folder) {
                 folders.push(folder);
             }

@@ -143,6 +143,23 @@ impl<F: Error + 'static> From<LinkFault<F>> for SwapError<F> {
 }
 
 impl<I: Instance> Link<I> {
+    /// As [`swap`](Self::swap), if the format of the state is one that the plug-in accepts of itself: what its
+    /// manifest says must be what it does.
+    ///
+    /// # Errors
+    /// As for [`swap_to`](Self::swap_to).
+    pub fn swap_accepting(
+        &mut self,
+        now: Micros,
+        successor: I,
+        accepts: &[u16],
+        host: &mut dyn LinkHost,
+    ) -> Result<I, SwapError<I::Fault>> {
+        let (settings, accepts) = (self.options.settings.clone(), accepts.to_vec());
+        let successor = Successor { instance: successor, settings, accepts, spare: None };
+        self.swap_to(now, successor, host)
+    }
+
     /// Replaces the plug-in by another instance of itself, which gets the
     /// settings of this link and the state. Queue, marks, hold and lines stay.
     /// Returns the plug-in that was replaced.

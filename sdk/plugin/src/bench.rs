@@ -42,6 +42,8 @@ pub struct Bench<C: Converter> {
     now: Micros,
     next_job: u32,
     check_pass: bool,
+    /// Formats of a state that the manifest says are taken.
+    accepts: Vec<u16>,
     source_rate: Option<usize>,
 }
 
@@ -218,18 +220,25 @@ impl<C: Converter> Bench<C> {
         self.run_until(self.now + Micros::from_millis(millis));
     }
 
-    /// Saves the state and goes on with a new converter that was given it.
+    /// Saves the state and goes on with a new converter that was given it. Its format must be one that the
+    /// manifest accepts.
     pub fn swap(&mut self) {
-        let swapped = self.line.link.swap(self.now, Native::new(), &mut self.recorder);
+        let accepts = &self.accepts;
+        let recorder = &mut self.recorder;
+        let swapped = self.line.link.swap_accepting(self.now, Native::new(), accepts, recorder);
         if let Err(error) = swapped {
             panic!("at {}: {error}", self.now);
         }
         self.settle();
     }
 
-    /// Every byte on the wire so far.
+    /// Every byte on the wire so far, the one whose start bit leaves just now included.
     pub fn sent(&self) -> Vec<u8> {
-        self.recorder.sent()
+        let byte = |(at, observed): &(Micros, Observed)| match observed {
+            Observed::Byte(byte) if *at <= self.now => Some(*byte),
+            _ => None,
+        };
+        self.recorder.observed.iter().filter_map(byte).collect()
     }
 
     /// All that the converter was seen to do, with times.
@@ -342,6 +351,7 @@ impl<C: Converter> BenchOptions<C> {
             now: Micros::ZERO,
             next_job: 1,
             check_pass,
+            accepts: self.manifest.state.accepts,
             source_rate: self.source_rate,
         };
         let opened = bench.line.link.open(Micros::ZERO, &mut bench.recorder);

@@ -1,6 +1,7 @@
 //! Baselines: failures that are known and expected. Each entry must fail, for its reason.
 
 use crate::given::file_error::{FileError, read_toml};
+use crate::given::load::read_text;
 use crate::run::class::Class;
 use data_encoding::HEXLOWER;
 use serde::Deserialize;
@@ -8,6 +9,9 @@ use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
+
+/// Largest file.
+const MOST_BYTES: u64 = 16 << 20;
 
 /// Failures that are expected.
 ///
@@ -65,7 +69,7 @@ impl Baseline {
     /// It cannot be read, or is damaged: then with its line and column.
     pub fn read(path: &Path) -> Result<Self, BaselineError> {
         let io = |source| BaselineError::Io { path: path.to_owned(), source };
-        Ok(Self::parse(path, &std::fs::read_to_string(path).map_err(io)?)?)
+        Ok(Self::parse(path, &read_text(path, MOST_BYTES).map_err(io)?)?)
     }
 
     /// Reads its text. `file` stands in errors.

@@ -383,13 +383,21 @@ fn read_folder(
     for entry in entries {
         let entry = entry.map_err(|error| io(&path, error))?;
         let path = entry.path();
-        let kind = entry.file_type().map_err(|error| io(&path, error))?;
+        let mut kind = entry.file_type().map_err(|error| io(&path, error))?;
+        if kind.is_symlink() {
+            // A linked file counts like any other; a folder could lead round in a circle.
+            kind = fs::metadata(&path).map_err(|error| io(&path, error))?.file_type();
+            if !kind.is_file() {
+                let error = io::Error::other("it is a link, and not to a file");
+                return Err(io(&path, error));
+            }
+        }
         let Ok(name) = entry.file_name().into_string() else { continue };
         let name = format!("{part}/{name}");
         if kind.is_dir() {
             read_folder(folder, &name, files, bytes)?;
         } else if kind.is_file() {
-            *bytes += entry.metadata().map_err(|error| io(&path, error))?.len();
+            *bytes += fs::metadata(&path).map_err(|error| io(&path, error))?.len();
             if *bytes > CORPUS_BYTES || files.len() >= CORPUS_FILES {
                 return Err(CorpusError::TooLarge { path: folder.to_owned() });
             }

@@ -4,11 +4,12 @@ use super::ledger::SettingUse;
 use super::neighbours::find_neighbours;
 use sha2::{Digest as _, Sha256};
 use softplug_abi::manifest::Manifest;
-use softplug_trace::{Assignment, Digest, FileNameError, Files, ParseError, Trace};
+use softplug_trace::{Assignment, Digest, FileNameError, Files, ParseError, Trace, limits};
 use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::{fs, io};
 
 /// A trace and where it came from.
 ///
@@ -239,11 +240,24 @@ fn is_same(first: &Path, second: &Path) -> bool {
 }
 
 fn load_file(path: PathBuf) -> Result<Case, LoadError> {
-    let text =
-        fs::read_to_string(&path).map_err(|source| LoadError::Io { path: path.clone(), source })?;
+    let text = read_text(&path, limits::FILE_BYTES as u64)
+        .map_err(|source| LoadError::Io { path: path.clone(), source })?;
     let trace = Trace::parse(&text)
         .map_err(|source| LoadError::Parse { path: path.clone(), source: Box::new(source) })?;
     Ok(Case::new(path, trace))
+}
+
+/// A file of text, of so many bytes at most: nothing else is read to its end.
+pub(crate) fn read_text(path: &Path, most: u64) -> io::Result<String> {
+    let mut text = String::new();
+    File::open(path)?.take(most + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > most {
+        return Err(io::Error::new(
+            io::ErrorKind::FileTooLarge,
+            format!("it has more than {most} bytes"),
+        ));
+    }
+    Ok(text)
 }
 
 /// A folder's traces; a file is taken whatever its name.

@@ -230,7 +230,8 @@ impl<'a, P: Partner> Play<'a, P> {
     pub(super) fn swap(&mut self) -> Outcome {
         let now = self.now();
         let fresh = instance(self.subject, &self.meter)?;
-        let swapped = self.line.line.link.swap(now, fresh, &mut self.host);
+        let accepts = &self.manifest().state.accepts;
+        let swapped = self.line.line.link.swap_accepting(now, fresh, accepts, &mut self.host);
         swapped.map_err(|error| Fault::of_swap(now, &error))?;
         self.settle()
     }

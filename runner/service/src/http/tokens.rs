@@ -121,9 +121,12 @@ pub struct Tokens {
 #[derive(Debug, Default)]
 struct Known {
     digests: Vec<([u8; 32], Role)>,
-    seen: Option<(SystemTime, u64)>,
+    seen: Option<Seen>,
     looked: Option<Instant>,
 }
+
+/// What another file, or the same for others to write, would not have: when it was written, its length and its mode.
+type Seen = (SystemTime, u64, u32);
 
 impl Tokens {
     /// Those in the file; without one there are none.
@@ -191,9 +194,19 @@ impl Known {
     }
 }
 
-fn seen(path: &Path) -> io::Result<(SystemTime, u64)> {
+fn seen(path: &Path) -> io::Result<Seen> {
     let metadata = fs::metadata(path)?;
-    Ok((metadata.modified()?, metadata.len()))
+    Ok((metadata.modified()?, metadata.len(), mode(&metadata)))
+}
+
+#[cfg(unix)]
+fn mode(metadata: &fs::Metadata) -> u32 {
+    std::os::unix::fs::PermissionsExt::mode(&metadata.permissions())
+}
+
+#[cfg(not(unix))]
+fn mode(_: &fs::Metadata) -> u32 {
+    0
 }
 
 fn read(path: &Path) -> Result<Vec<([u8; 32], Role)>, TokensError> {
@@ -201,8 +214,7 @@ fn read(path: &Path) -> Result<Vec<([u8; 32], Role)>, TokensError> {
     let malformed = |reason| TokensError::Malformed { path: path.to_owned(), reason };
     let mut file = File::open(path).map_err(unreadable)?;
     let metadata = file.metadata().map_err(unreadable)?;
-    #[cfg(unix)]
-    if std::os::unix::fs::PermissionsExt::mode(&metadata.permissions()) & 0o002 != 0 {
+    if mode(&metadata) & 0o002 != 0 {
         return Err(TokensError::Open { path: path.to_owned() });
     }
     if metadata.len() > MOST_BYTES {
