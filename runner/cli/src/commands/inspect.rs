@@ -6,6 +6,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 use softplug_abi::manifest::{Manifest, Setting, ValueType};
+use softplug_gateway::plain_text;
 use softplug_host::{Host, HostOptions, Inspection};
 
 use crate::exit::Exit;
@@ -69,9 +70,11 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
 
 fn describe(inspection: &Inspection) -> String {
     let manifest = &inspection.manifest;
-    let mut text = format!("{HEADING}{} {}{HEADING:#}", manifest.name, manifest.version);
+    let named = plain_text(&format!("{} {}", manifest.name, manifest.version));
+    let mut text = format!("{HEADING}{named}{HEADING:#}");
+    // What a module says of itself could else look like a line of ours.
     let mut line = |line: &str| {
-        let _ = write!(text, "\n{line}");
+        let _ = write!(text, "\n{}", plain_text(line));
     };
     line(&manifest.description);
     line("");
@@ -93,10 +96,14 @@ fn describe(inspection: &Inspection) -> String {
         let with = if features.is_empty() { String::new() } else { format!(", with {features}") };
         line(&format!("profile   {}{with}", profile.name));
     }
+    if let Some(saves) = manifest.state.saves {
+        let accepts = manifest.state.accepts.iter().map(ToString::to_string);
+        let accepts = accepts.collect::<Vec<_>>().join(", ");
+        line(&format!("state     saves format {saves}, takes {accepts}"));
+    }
     let tables = [settings(manifest), presets(manifest), kinds(manifest), status(manifest)];
     for table in tables.into_iter().flatten() {
-        line("");
-        line(&table.to_string());
+        let _ = write!(text, "\n\n{table}");
     }
     text
 }
@@ -104,13 +111,13 @@ fn describe(inspection: &Inspection) -> String {
 fn settings(manifest: &Manifest) -> Option<Table> {
     let mut table = Table::new(["SETTING", "TYPE", "DEFAULT", "RANGE", "MEANING"]);
     for setting in &manifest.settings {
-        table.row([
-            setting.name.clone(),
-            setting.kind.name().to_owned(),
-            default(setting),
-            range(setting),
-            setting.text.clone(),
-        ]);
+        table.row(plain([
+            &setting.name,
+            setting.kind.name(),
+            &default(setting),
+            &range(setting),
+            &setting.text,
+        ]));
     }
     (!manifest.settings.is_empty()).then_some(table)
 }
@@ -148,7 +155,7 @@ fn presets(manifest: &Manifest) -> Option<Table> {
     for preset in &manifest.presets {
         let sets = preset.values.iter().map(|(name, value)| assignment(name, value));
         let sets = sets.collect::<Vec<_>>().join(" ");
-        table.row([preset.name.clone(), sets, preset.text.clone()]);
+        table.row(plain([&preset.name, &sets, &preset.text]));
     }
     (!manifest.presets.is_empty()).then_some(table)
 }
@@ -172,7 +179,7 @@ fn kinds(manifest: &Manifest) -> Option<Table> {
         });
         let fields = fields.collect::<Vec<_>>().join(" ");
         let fields = if fields.is_empty() { "none".to_owned() } else { fields };
-        table.row([kind.name.clone(), fields, kind.text.clone()]);
+        table.row(plain([&kind.name, &fields, &kind.text]));
     }
     (!manifest.jobs.is_empty()).then_some(table)
 }
@@ -180,7 +187,11 @@ fn kinds(manifest: &Manifest) -> Option<Table> {
 fn status(manifest: &Manifest) -> Option<Table> {
     let mut table = Table::new(["STATUS", "NAME", "MEANING"]);
     for status in &manifest.status {
-        table.row([format!("{:04X}", status.code), status.name.clone(), status.text.clone()]);
+        table.row(plain([&format!("{:04X}", status.code), &status.name, &status.text]));
     }
     (!manifest.status.is_empty()).then_some(table)
+}
+
+fn plain<const N: usize>(cells: [&str; N]) -> [String; N] {
+    cells.map(plain_text)
 }

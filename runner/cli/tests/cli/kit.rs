@@ -100,6 +100,28 @@ fn begins_like(kind: &str) {
         let ran: Ran = alone(&mut cargo).output().unwrap().into();
         assert_eq!(ran.code, 0, "{ran}");
     }
+    match kind {
+        "line" => answers_behind(&bench, &name, "tx.lines", "\"x\\n\""),
+        "block" => answers_behind(&bench, &name, "tx.blocks", "02 01 78 78"),
+        _ => {}
+    }
+}
+
+/// What comes while something long is sent is answered behind it, however small the room is.
+fn answers_behind(bench: &Bench, name: &str, clause: &str, received: &str) {
+    let data = "A".repeat(128);
+    let trace = format!(
+        "id: {name}.tx.behind\ntitle: An answer behind what is sent\nprofile: {name}\n\
+         clauses: {name}.{clause}\nlevel: must\nline: 9600 8N1 depth=1 reaction=0\nsince: 1\n\
+         origin: hand-written\n---\n? 0.000000 send 1 \"{data}\"\n< 0.020000 {received}\n. 1.000000\n"
+    );
+    let file = format!("{name}/behind.spt");
+    bench.write(&file, trace);
+    in_folder(bench, name, &["replay", name, "behind.spt", "--bless"]).with_code(0);
+    let blessed = String::from_utf8(bench.read(&file)).unwrap();
+    let sent = blessed.lines().filter(|line| line.starts_with('>')).next_back().unwrap();
+    assert!(sent.ends_with(" 06") || sent.contains("; ACK") || sent.contains("ACK"), "{blessed}");
+    in_folder(bench, name, &["replay", name, "behind.spt"]).with_code(0);
 }
 
 #[test]

@@ -62,7 +62,7 @@ pub(crate) struct Arguments {
     /// Folder for the reports, made if it is missing; without it the verdict is only printed
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// A failed SHOULD counts as a failed MUST
+    /// A failed SHOULD counts as a failed MUST, and places that nothing executed make the verdict partial
     #[arg(long)]
     strict: bool,
     /// Failures that are expected, each with its reason (TOML)
