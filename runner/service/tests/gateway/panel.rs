@@ -6,7 +6,9 @@ use std::os::unix::fs::symlink;
 use softplug_machines::fanuc::{Control, Press};
 use softplug_machines::kept::Received;
 use softplug_service::Gateway;
-use softplug_service::view::{JobFilter, JobOrder, JobOrigin, JobState, JournalFilter, JournalKind};
+use softplug_service::view::{
+    JobFilter, JobOrder, JobOrigin, JobState, JournalFilter, JournalKind,
+};
 
 use crate::machine::Machine;
 use crate::shop::{Shop, wait_for};

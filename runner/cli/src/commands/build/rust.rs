@@ -18,13 +18,13 @@ const INSTALL: &str = "https://rustup.rs tells how to install Rust";
 /// The module that cargo makes of the project in `root`.
 pub(super) fn compile(root: &Path) -> Result<(PathBuf, Vec<u8>), Failure> {
     check_target(root)?;
-    let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let mut command = Command::new(cargo);
+    let mut command = cargo();
     command
         // Flags from the environment would replace those that bound the memory.
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .args(["build", "--release", "--lib", "--target", TARGET])
+        .args(names_for_folders(root)?)
         .args(["--message-format", "json-render-diagnostics"]);
     let ran = tool::run(&mut command, root, INSTALL)?;
     let said = String::from_utf8_lossy(&ran.stderr);
@@ -50,6 +50,34 @@ pub(super) fn compile(root: &Path) -> Result<(PathBuf, Vec<u8>), Failure> {
     })?;
     let module = files::read(&file)?;
     Ok((file, module))
+}
+
+fn cargo() -> Command {
+    Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+}
+
+/// Where a panic was is told by file and line: of the crates that the project uses, by their name in place of the
+/// folder in which they lie here. So a module is the same from every machine.
+fn names_for_folders(root: &Path) -> Result<Vec<String>, Failure> {
+    let mut command = cargo();
+    command.args(["metadata", "--format-version", "1", "--filter-platform", TARGET]);
+    let ran = tool::run(&mut command, root, INSTALL)?;
+    // What is wrong with the project, the build says.
+    let Ok(project) = serde_json::from_slice::<Value>(&ran.stdout) else { return Ok(Vec::new()) };
+    let packages = project["packages"].as_array().into_iter().flatten();
+    let flags = packages.filter_map(|package| {
+        let folder = Path::new(package["manifest_path"].as_str()?).parent()?;
+        let is_used = !root.canonicalize().is_ok_and(|root| folder.starts_with(root));
+        is_used.then(|| {
+            format!(
+                "--remap-path-prefix={}={}",
+                folder.display(),
+                package["name"].as_str().unwrap_or_default()
+            )
+        })
+    });
+    let flags = Value::from(flags.collect::<Vec<_>>());
+    Ok(vec!["--config".to_owned(), format!("target.{TARGET}.rustflags={flags}")])
 }
 
 /// The .wasm file in a message of cargo, if it is about one.

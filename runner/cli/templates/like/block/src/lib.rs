@@ -137,11 +137,12 @@ impl Plugin {
     /// Sends the next block, or EOT, if nothing else is awaited.
     fn go_on(&mut self, link: &mut Context<'_>) {
         // An answer never stands in the middle of a block of our own.
-        if !self.sender.is_given_in_part() {
+        let goes_on = self.sender.is_given_in_part();
+        if !goes_on {
             self.answers.pay(link);
         }
         let can_go = self.sender.is_active() && !self.sender.is_paused();
-        if self.awaits_answer || !can_go || !self.answers.owes_nothing() {
+        if self.awaits_answer || !can_go || !(goes_on || self.answers.owes_nothing()) {
             return;
         }
         let data = *self.sender.data();
