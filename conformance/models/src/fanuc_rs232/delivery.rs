@@ -119,7 +119,7 @@ impl Delivery {
         let comment = text(&comment);
         let Some((before, behind)) = rules.request_pattern.split_once('*') else { return };
         let name = comment.strip_prefix(before).and_then(|rest| rest.strip_suffix(behind));
-        let name = name.map(str::trim).filter(|name| !name.is_empty());
+        let name = name.map(trimmed).filter(|name| !name.is_empty());
         if let Some(name) = name {
             self.asked = Some(name.to_owned());
         }
@@ -195,7 +195,7 @@ impl Delivery {
     /// The name that was found.
     pub(super) fn name(&self) -> Option<String> {
         let number = self.number.as_ref().map(|number| format!("O{}", text(number)));
-        let comment = self.first_comment.as_ref().map(|comment| text(comment).trim().to_owned());
+        let comment = self.first_comment.as_ref().map(|comment| trimmed(&text(comment)).to_owned());
         let name = number.or(comment).filter(|name| !name.is_empty())?;
         Some(name.chars().take(NAME + 1).collect())
     }
@@ -215,4 +215,9 @@ impl Delivery {
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Without the blanks around it; a VT, as only a damaged character can be one, is none.
+fn trimmed(text: &str) -> &str {
+    text.trim_matches(|c: char| c.is_ascii_whitespace())
 }

@@ -112,8 +112,8 @@ impl JobFilter {
             && self.since.is_none_or(|since| job.created >= since)
             && self.until.is_none_or(|until| job.created < until)
             && self.find.as_ref().is_none_or(|find| {
-                let program = job.spec.program.as_ref();
-                program.is_some_and(|program| program.to_lowercase().contains(find))
+                let mut names = job.spec.program.iter().chain(&job.spec.named);
+                names.any(|name| name.to_lowercase().contains(find))
             })
     }
 }

@@ -88,7 +88,7 @@ fn list(client: &Client, of: &List, screen: &Screen) -> Result<Exit, Failure> {
         table.row([
             job.id.to_string(),
             job.link.clone(),
-            plain_text(job.program.as_ref().unwrap_or(&job.kind)),
+            show::what(job),
             job.state.name().to_owned(),
             plain_text(&job.progress.text),
             plain_text(job.message.as_deref().unwrap_or_default()),

@@ -86,11 +86,18 @@ fn brief(job: &JobBrief) -> String {
     text
 }
 
+/// A job's program, with the name that it says of itself if that is another: `flange.nc (O1234)`.
+pub(super) fn what(job: &JobView) -> String {
+    let program = plain_text(job.program.as_ref().unwrap_or(&job.kind));
+    match &job.named {
+        Some(named) => format!("{program} ({})", plain_text(named)),
+        None => program,
+    }
+}
+
 /// A job in a sentence.
 pub(super) fn job(job: &JobView) -> String {
-    let what = job.program.as_ref().unwrap_or(&job.kind);
-    let mut text =
-        format!("job {}: {} on {}, {}", job.id, plain_text(what), job.link, job.state.name());
+    let mut text = format!("job {}: {} on {}, {}", job.id, what(job), job.link, job.state.name());
     if !job.progress.text.is_empty() {
         let _ = write!(text, ", {}", plain_text(&job.progress.text));
     }

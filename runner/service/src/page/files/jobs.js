@@ -47,7 +47,7 @@ function row(job, withLink) {
   const node = h('tr', {},
     h('td', {}, String(job.id)),
     withLink && h('td', {}, h('a', { href: toLink(job.link) }, job.link)),
-    h('td', {}, job.program ?? job.kind), state, progress, h('td', {}, text.time(job.created_ms)),
+    h('td', {}, text.program(job)), state, progress, h('td', {}, text.time(job.created_ms)),
     h('td', { class: 'buttons' }, pause, resume, up, abort, seen, from, again));
   for (const button of [pause, resume, abort, seen, again, up]) button.setAttribute('aria-label', `${button.textContent} job ${job.id}`);
   return {
@@ -80,7 +80,7 @@ const STATES = ['queued', 'running', 'paused', 'done', 'failed', 'aborted', 'int
 const KINDS = ['send', 'receive', 'read', 'write'];
 
 const fits = (job, wish) => (!wish.link || job.link === wish.link) && (!wish.state || job.state === wish.state)
-  && (!wish.kind || job.kind === wish.kind) && isWithin(job.created_ms, wish) && has(job.program ?? '', wish);
+  && (!wish.kind || job.kind === wish.kind) && isWithin(job.created_ms, wish) && has(text.program(job), wish);
 
 export function page(_, query) {
   const kinds = [...new Set([...KINDS, ...store.plugins.flatMap((of) => of.jobs.map((kind) => kind.name))])];

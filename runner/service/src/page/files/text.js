@@ -58,9 +58,12 @@ const BAD = new Set(['failed', 'aborted', 'interrupted']);
 export const hasEnded = (job) => job.state === 'done' || BAD.has(job.state);
 export const isBad = (job) => BAD.has(job.state);
 
+/** A job's program, with the name that it says of itself if that is another. */
+export const program = (of) => `${of.program ?? of.kind}${of.named ? ` (${of.named})` : ''}`;
+
 /** A job in a sentence: the gateway's own words for how far it is. */
 export function job(of) {
-  const parts = [`Job ${of.id}, ${of.program ?? of.kind} on ${of.link}: ${of.state}`];
+  const parts = [`Job ${of.id}, ${program(of)} on ${of.link}: ${of.state}`];
   const isSaid = of.text.endsWith(of.state);
   if (isBad(of) && of.message) parts.push(of.message);
   if (of.text) parts.push(isSaid ? of.text.slice(0, -of.state.length).replace(/; $/, '') : of.text);
