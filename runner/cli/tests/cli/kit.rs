@@ -119,7 +119,7 @@ fn answers_behind(bench: &Bench, name: &str, clause: &str, received: &str) {
     bench.write(&file, trace);
     in_folder(bench, name, &["replay", name, "behind.spt", "--bless"]).with_code(0);
     let blessed = String::from_utf8(bench.read(&file)).unwrap();
-    let sent = blessed.lines().filter(|line| line.starts_with('>')).next_back().unwrap();
+    let sent = blessed.lines().rfind(|line| line.starts_with('>')).unwrap();
     assert!(sent.contains(" 06  ; "), "{blessed}");
     in_folder(bench, name, &["replay", name, "behind.spt"]).with_code(0);
 }

@@ -13,12 +13,12 @@ pub(super) struct Line {
     /// Where that character stands among those that can be sent.
     pub(super) refused_at: Option<usize>,
     /// The line of the file at which it begins.
-    pub(super) line: u32,
+    pub(super) begins_at: u32,
 }
 
 impl Line {
     pub(super) fn new() -> Self {
-        Self { characters: Vec::new(), has_eob: false, fault: None, refused_at: None, line: 0 }
+        Self { characters: Vec::new(), has_eob: false, fault: None, refused_at: None, begins_at: 0 }
     }
 
     /// The first character that cannot be sent, and whether it is a `%`.
@@ -75,7 +75,7 @@ impl Program {
         }
         while !program.is_closed && !rest.is_empty() {
             let mut block = Line::new();
-            block.line = rest.first().map_or(0, |(_, place)| place.line);
+            block.begins_at = rest.first().map_or(0, |(_, place)| place.line);
             program.line(rules, &mut rest, &mut block);
             // A closing `%` at the start of a line is no block.
             if !block.is_blank() || block.has_eob {

@@ -91,7 +91,7 @@ impl Restart {
         }
         let kept = usize::from(blocks.first().is_some_and(has_program_number));
         let first = match self.from_line {
-            Some(line) => blocks.iter().take_while(|block| block.line < line).count(),
+            Some(line) => blocks.iter().take_while(|block| block.begins_at < line).count(),
             None => self.from_block.unwrap_or(1) - 1,
         };
         let fits = |at: &usize| {
