@@ -109,3 +109,19 @@ fn text_of(path: &Path) -> Result<Option<String>, std::io::Error> {
     File::open(path)?.take(MOST_FILE_BYTES as u64 + 1).read_to_string(&mut text)?;
     Ok((text.len() <= MOST_FILE_BYTES).then_some(text))
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pipe_in_the_place_of_a_file_is_refused_at_once() {
+        let folder = std::env::temp_dir().join(format!("machines-pipe-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let pipe = folder.join("x.toml");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let error = Catalogue::known().add_folder(&folder).unwrap_err();
+        assert!(error.to_string().contains("x.toml"), "{error}");
+        fs::remove_dir_all(&folder).unwrap();
+    }
+}

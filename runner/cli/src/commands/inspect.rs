@@ -192,6 +192,7 @@ fn status(manifest: &Manifest) -> Option<Table> {
     (!manifest.status.is_empty()).then_some(table)
 }
 
+/// What a module says, so that it cannot look like a line of ours.
 fn plain<const N: usize>(cells: [&str; N]) -> [String; N] {
     cells.map(plain_text)
 }

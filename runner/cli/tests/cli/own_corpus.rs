@@ -53,6 +53,29 @@ fn the_ledgers_in_the_command_are_not_written() {
     assert!(ran.err.contains("cannot be changed") && ran.err.contains("--corpus DIR"), "{ran}");
 }
 
+/// A trace that is a link to a file counts like any other; a link to a folder is refused, and not passed over.
+#[cfg(unix)]
+#[test]
+fn no_trace_is_passed_over_for_being_a_link() {
+    use std::os::unix::fs::symlink;
+    let bench = project(NAME, "c");
+    let cases = |code| {
+        let ran = run(&bench, &["cases", "--profile", NAME, "--json"]).with_code(code);
+        if code == 0 { ran.json()["cases"].as_array().unwrap().len() } else { 0 }
+    };
+    let all = cases(0);
+    let folder = bench.path(&format!("{NAME}/traces/{NAME}"));
+    let trace = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
+    let trace = trace.filter(|path| path.extension().is_some_and(|is| is == "spt")).min().unwrap();
+    let elsewhere = bench.path("elsewhere.spt");
+    std::fs::rename(&trace, &elsewhere).unwrap();
+    assert_eq!(cases(0), all - 1);
+    symlink(&elsewhere, &trace).unwrap();
+    assert_eq!(cases(0), all);
+    symlink("..", folder.join("round")).unwrap();
+    cases(2);
+}
+
 #[test]
 fn the_corpus_of_the_folder_is_found_for_what_only_it_has() {
     let bench = project(NAME, "c");

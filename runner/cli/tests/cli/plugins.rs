@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use crate::bench::{Bench, plugins, snapshot};
 
@@ -34,11 +35,24 @@ fn plug_ins_are_found_by_path_by_name_and_beside() {
     bench.write("mine/other.wasm", &module);
     bench.run(&["inspect", "mine/other.wasm"]).with_code(0);
     bench.run(&["inspect", "other", "--plugins", "mine"]).with_code(0);
-    // The folder beside the command is named only if it is another one.
+    // The folders beside the command are named only if they are others.
     let ran = bench.run(&["inspect", "other"]).with_code(2);
-    let beside = Path::new(env!("CARGO_BIN_EXE_softplug")).parent().and_then(Path::parent).unwrap();
-    let beside = format!(", {}", beside.join("plugins/other.wasm").display());
-    snapshot("plug-in-not-found", ran.to_string().replace(&beside, ""));
+    let mut said = ran.to_string();
+    for folder in Path::new(env!("CARGO_BIN_EXE_softplug")).ancestors().skip(1).take(2) {
+        said = said.replace(&format!(", {}", folder.join("plugins/other.wasm").display()), "");
+    }
+    snapshot("plug-in-not-found", said);
+    // Right beside the command, and beside its folder.
+    let command = bench.path("tool/bin/softplug");
+    fs::create_dir_all(command.parent().unwrap()).unwrap();
+    fs::copy(env!("CARGO_BIN_EXE_softplug"), &command).unwrap();
+    for folder in ["tool/bin/plugins", "tool/plugins"] {
+        let file = format!("{folder}/beside.wasm");
+        bench.write(&file, &module);
+        let ran = Command::new(&command).args(["inspect", "beside"]).output().unwrap();
+        assert!(ran.status.success(), "{folder}: {ran:?}");
+        fs::remove_file(bench.path(&file)).unwrap();
+    }
     bench.write("target/plugins/other.wasm", &module);
     bench.run(&["inspect", "other"]).with_code(0);
 }

@@ -58,6 +58,21 @@ fn bad_files() {
     snapshot("bad-files", text);
 }
 
+/// Not read to an end that does not come.
+#[cfg(unix)]
+#[test]
+fn files_without_an_end_are_too_long() {
+    let bench = Bench::new();
+    for line in [
+        "replay xon-xoff /dev/zero",
+        "certify xon-xoff --profile xon-xoff --baseline /dev/zero",
+        "trace fmt /dev/zero",
+    ] {
+        let told = refused(&bench, line, 2);
+        assert!(told.contains("more than"), "{told}");
+    }
+}
+
 #[test]
 fn bad_settings_are_found_before_the_port_is_touched() {
     let bench = bench();

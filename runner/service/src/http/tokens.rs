@@ -317,5 +317,16 @@ mod tests {
         let path = written(folder.path(), "");
         fs::set_permissions(&path, fs::Permissions::from_mode(0o666)).unwrap();
         assert!(matches!(Tokens::read(Some(&path)), Err(TokensError::Open { .. })));
+
+        // While it runs: refused as long as it is so, and let in again as soon as it is not.
+        let (token, entry) = new_token("hall", Role::Viewer).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
+        written(folder.path(), &entry.text());
+        let tokens = Tokens::read(Some(&path)).unwrap();
+        for (mode, role) in [(0o666, None), (0o600, Some(Role::Viewer)), (0o602, None)] {
+            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+            tokens.known.lock().unwrap().looked = None;
+            assert_eq!(tokens.role(&token), role, "{mode:o}");
+        }
     }
 }

@@ -130,7 +130,7 @@ impl<T: TimerName, const N: usize> Timers<T, N> {
 
     /// Sets a timer to so many ms from now, 0 to 2^40 (34 years).
     pub fn set_after(&mut self, link: &mut Context<'_>, timer: T, millis: i64) {
-        // A product within i64: what saturates is longer.
+        // So the product fits: what saturates takes more of a module.
         let span = Micros(millis.clamp(0, 1 << 40) * 1_000);
         self.set(link, timer, Some(link.now() + span));
     }
