@@ -5,7 +5,7 @@ mod common;
 use common::{native, root};
 use softplug_abi::manifest::Manifest;
 use softplug_conformance::page::{presets_table, settings_table};
-use softplug_conformance::{Case, Corpus, Subject, load};
+use softplug_conformance::{Case, Corpus, Subject, load, script};
 use std::collections::BTreeSet;
 
 /// A page of `docs/protocols`, the plug-ins whose tables stand in it, and the
@@ -121,10 +121,13 @@ fn assert_statuses(text: &str, manifest: &Manifest) {
     }
 }
 
-/// The clauses are those that the traces cite.
+/// The clauses are those that the cases cite, traces and scripts.
 fn assert_clauses(page: &Page, text: &str, cases: &[Case]) {
-    let cited: BTreeSet<&str> =
-        cases.iter().flat_map(|case| case.trace.front.clauses.iter().map(String::as_str)).collect();
+    let scripts = script::all();
+    let of_page = scripts.iter().filter(|script| page.profiles.contains(&script.profile));
+    let by_code = of_page.flat_map(|script| &script.clauses);
+    let by_trace = cases.iter().flat_map(|case| &case.trace.front.clauses);
+    let cited: BTreeSet<&str> = by_trace.chain(by_code).map(String::as_str).collect();
     let is_clause = |name: &&str| {
         let profile = name.split_once('.').map(|(profile, _)| profile);
         profile.is_some_and(|profile| page.profiles.contains(&profile))

@@ -28,6 +28,8 @@ pub(crate) enum Wrong {
     CountsPieces,
     /// It does less after it was opened again.
     Tired,
+    /// It takes any settings, and does nothing with those that make no sense.
+    Lenient,
     /// Settings make it panic.
     Touchy,
     /// It sends more than there is room.
@@ -35,8 +37,15 @@ pub(crate) enum Wrong {
 }
 
 impl Wrong {
-    pub(crate) const ALL: &[Self] =
-        &[Self::Mute, Self::Doubled, Self::Altered, Self::Misdelivered, Self::Deaf, Self::Late];
+    pub(crate) const ALL: &[Self] = &[
+        Self::Mute,
+        Self::Doubled,
+        Self::Altered,
+        Self::Misdelivered,
+        Self::Deaf,
+        Self::Late,
+        Self::Lenient,
+    ];
     pub(crate) const OF_THE_ABI: &[Self] = &[
         Self::Traps,
         Self::Forgetful,
@@ -114,6 +123,14 @@ impl<I: Instance> Instance for Spoilt<I> {
     fn step(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, I::Fault> {
         self.look(event);
         let wrong = self.wrong;
+        if wrong == Wrong::Lenient {
+            let is_refused =
+                event.kind() == EventKind::Settings && self.inner.step(event, now).is_err();
+            self.is_deaf |= is_refused;
+            if self.is_deaf || event.kind() == EventKind::Settings {
+                return Ok(Output { actions: &[], more: false });
+            }
+        }
         let stepped = match *event {
             Event::Received(bytes) => match self.heard(bytes) {
                 Some(bytes) => self.inner.step(&Event::Received(&bytes), now)?,
