@@ -108,10 +108,7 @@ fn generators_have_a_limit_each_and_together() {
     let items = limits::GENERATED_BYTES / most;
     let all = format!("? 0.0 send 1 gen:nc(1,{most})\n").repeat(items as usize);
     assert!(items > 1 && parse_body(&all).is_ok());
-    assert_eq!(
-        kind(&format!("{all}? 0.0 send 1 gen:nc(1,1)\n")),
-        ParseErrorKind::TooMuchGenerated
-    );
+    assert_eq!(kind(&format!("{all}? 0.0 send 1 gen:nc(1,1)\n")), ParseErrorKind::TooMuchGenerated);
 }
 
 #[test]
