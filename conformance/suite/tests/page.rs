@@ -5,7 +5,8 @@ mod common;
 use common::{native, root};
 use softplug_abi::manifest::Manifest;
 use softplug_conformance::page::{presets_table, settings_table};
-use softplug_conformance::{Case, Corpus, Subject, load, script};
+use softplug_conformance::script::{self, Script};
+use softplug_conformance::{Case, Corpus, Subject, load};
 use std::collections::BTreeSet;
 
 /// A page of `docs/protocols`, the plug-ins whose tables stand in it, and the
@@ -121,13 +122,17 @@ fn assert_statuses(text: &str, manifest: &Manifest) {
     }
 }
 
-/// The clauses are those that the cases cite, traces and scripts.
-fn assert_clauses(page: &Page, text: &str, cases: &[Case]) {
-    let scripts = script::all();
+fn cited<'a>(page: &Page, cases: &'a [Case], scripts: &'a [Script]) -> BTreeSet<&'a str> {
     let of_page = scripts.iter().filter(|script| page.profiles.contains(&script.profile));
     let by_code = of_page.flat_map(|script| &script.clauses);
     let by_trace = cases.iter().flat_map(|case| &case.trace.front.clauses);
-    let cited: BTreeSet<&str> = by_trace.chain(by_code).map(String::as_str).collect();
+    by_trace.chain(by_code).map(String::as_str).collect()
+}
+
+/// The clauses are those that the cases cite, traces and scripts.
+fn assert_clauses(page: &Page, text: &str, cases: &[Case]) {
+    let scripts = script::all();
+    let cited = cited(page, cases, &scripts);
     let is_clause = |name: &&str| {
         let profile = name.split_once('.').map(|(profile, _)| profile);
         profile.is_some_and(|profile| page.profiles.contains(&profile))
@@ -172,9 +177,9 @@ fn assert_examples(text: &str, cases: &[Case]) {
 
 /// Traces and clauses that the text names exist.
 fn assert_names(page: &Page, text: &str, cases: &[Case]) {
-    let clauses = cases.iter().flat_map(|case| &case.trace.front.clauses);
-    let known: BTreeSet<&str> =
-        cases.iter().map(|case| &case.trace.front.id).chain(clauses).map(String::as_str).collect();
+    let scripts = script::all();
+    let mut known = cited(page, cases, &scripts);
+    known.extend(cases.iter().map(|case| case.trace.front.id.as_str()));
     let named = text.split('`').skip(1).step_by(2).filter(|word| {
         let mut parts = word.split('.');
         let begins = parts.next().is_some_and(|profile| page.profiles.contains(&profile));
