@@ -115,13 +115,27 @@ fn answers_behind(bench: &Bench, name: &str, clause: &str, received: &str) {
          clauses: {name}.{clause}\nlevel: must\nline: 9600 8N1 depth=1 reaction=0\nsince: 1\n\
          origin: hand-written\n---\n? 0.000000 send 1 \"{data}\"\n< 0.020000 {received}\n. 1.000000\n"
     );
-    let file = format!("{name}/behind.spt");
-    bench.write(&file, trace);
-    in_folder(bench, name, &["replay", name, "behind.spt", "--bless"]).with_code(0);
-    let blessed = String::from_utf8(bench.read(&file)).unwrap();
+    let blessed = blessed(bench, name, &trace);
     let sent = blessed.lines().rfind(|line| line.starts_with('>')).unwrap();
     assert!(sent.contains(" 06  ; "), "{blessed}");
-    in_folder(bench, name, &["replay", name, "behind.spt"]).with_code(0);
+    in_folder(bench, name, &["replay", name, "own.spt"]).with_code(0);
+
+    // More of them in one read than answers can wait.
+    let (before, given) = trace.split_once("---\n").unwrap();
+    assert!(given.starts_with("? "));
+    let many = vec![received; 40].join(" ");
+    let trace = format!("{before}---\n< 0.020000 {many}\n. 1.000000\n");
+    let all = self::blessed(bench, name, &trace);
+    let sent: Vec<_> = all.lines().filter(|line| line.starts_with('>')).collect();
+    assert_eq!(sent.join(" ").matches(" 06").count(), 40, "{all}");
+}
+
+/// A trace of the project's own, with what the plug-in does.
+fn blessed(bench: &Bench, name: &str, trace: &str) -> String {
+    let file = format!("{name}/own.spt");
+    bench.write(&file, trace);
+    in_folder(bench, name, &["replay", name, "own.spt", "--bless"]).with_code(0);
+    String::from_utf8(bench.read(&file)).unwrap()
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! my-protocol: data in blocks with a sum, each answered with ACK or NAK, both ways.
 //!
 //! A block is STX, the count of its data, the data and its sum. EOT ends a transfer, and is answered too.
-//! The host calls a method for each event, which answers with actions on `link`.
+//! The host calls a method for each event, which acts on `link`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
 use softplug_plugin::parts::{Answers, Block, BlockSender, TimerName, Timers, checks};
@@ -136,11 +136,8 @@ impl Converter for Plugin {
 impl Plugin {
     /// Sends the next block, or EOT, if nothing else is awaited.
     fn go_on(&mut self, link: &mut Context<'_>) {
-        // An answer never stands in the middle of a block of our own.
+        self.pay(link);
         let goes_on = self.sender.is_given_in_part();
-        if !goes_on {
-            self.answers.pay(link);
-        }
         let can_go = self.sender.is_active() && !self.sender.is_paused();
         if self.awaits_answer || !can_go || !(goes_on || self.answers.owes_nothing()) {
             return;
@@ -208,10 +205,18 @@ impl Plugin {
         }
     }
 
+    /// Sends answers, but not inside a block of our own.
+    fn pay(&mut self, link: &mut Context<'_>) {
+        if !self.sender.is_given_in_part() {
+            self.answers.pay(link);
+        }
+    }
+
     /// The block that is heard is over.
     fn forget(&mut self, link: &mut Context<'_>) {
         self.heard.clear();
         self.timers.cancel(link, Timer::Character);
+        self.pay(link);
     }
 
     /// Ends the delivery under way.

@@ -144,11 +144,8 @@ impl Converter for Plugin {
 impl Plugin {
     /// Sends the next line, if there is one and nothing else is awaited.
     fn go_on(&mut self, link: &mut Context<'_>) {
-        // An answer never stands in the middle of a line of our own.
+        self.pay(link);
         let goes_on = self.sender.is_given_in_part();
-        if !goes_on {
-            self.answers.pay(link);
-        }
         let can_go = self.sender.is_active() && !self.sender.is_paused();
         if self.awaits_answer || !can_go || !(goes_on || self.answers.owes_nothing()) {
             return;
@@ -201,6 +198,14 @@ impl Plugin {
         }
         self.heard.clear();
         self.is_bad = false;
+        self.pay(link);
+    }
+
+    /// Sends answers that wait, but never in the middle of a line of our own.
+    fn pay(&mut self, link: &mut Context<'_>) {
+        if !self.sender.is_given_in_part() {
+            self.answers.pay(link);
+        }
     }
 
     fn stop(&mut self, link: &mut Context<'_>, failure: Failure) {
