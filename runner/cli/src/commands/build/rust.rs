@@ -58,26 +58,40 @@ fn cargo() -> Command {
 
 /// Where a panic was is told by file and line: of the crates that the project uses, by their name in place of the
 /// folder in which they lie here. So a module is the same from every machine.
+///
+/// The flags join those of the target in the project's own configuration. Where that has none, they would take the
+/// place of flags that stand elsewhere, and so there are none here either.
 fn names_for_folders(root: &Path) -> Result<Vec<String>, Failure> {
+    if !has_flags_for_target(root) {
+        return Ok(Vec::new());
+    }
     let mut command = cargo();
     command.args(["metadata", "--format-version", "1", "--filter-platform", TARGET]);
     let ran = tool::run(&mut command, root, INSTALL)?;
     // What is wrong with the project, the build says.
     let Ok(project) = serde_json::from_slice::<Value>(&ran.stdout) else { return Ok(Vec::new()) };
+    Ok(vec!["--config".to_owned(), format!("target.{TARGET}.rustflags={}", flags(&project))])
+}
+
+fn has_flags_for_target(root: &Path) -> bool {
+    let file = root.join(".cargo/config.toml");
+    let text = files::read_text(&file).unwrap_or_default();
+    let configuration = text.parse::<toml::Table>().unwrap_or_default();
+    let of_target = configuration.get("target").and_then(|targets| targets.get(TARGET));
+    of_target.is_some_and(|target| target.get("rustflags").is_some())
+}
+
+/// A flag for each package that is none of the project's own.
+fn flags(project: &Value) -> Value {
+    let own = project["workspace_members"].as_array();
     let packages = project["packages"].as_array().into_iter().flatten();
-    let flags = packages.filter_map(|package| {
+    let flag = |package: &Value| {
         let folder = Path::new(package["manifest_path"].as_str()?).parent()?;
-        let is_used = !root.canonicalize().is_ok_and(|root| folder.starts_with(root));
-        is_used.then(|| {
-            format!(
-                "--remap-path-prefix={}={}",
-                folder.display(),
-                package["name"].as_str().unwrap_or_default()
-            )
-        })
-    });
-    let flags = Value::from(flags.collect::<Vec<_>>());
-    Ok(vec!["--config".to_owned(), format!("target.{TARGET}.rustflags={flags}")])
+        let name = package["name"].as_str()?;
+        let is_own = own.is_some_and(|own| own.contains(&package["id"]));
+        (!is_own).then(|| format!("--remap-path-prefix={}={name}", folder.display()))
+    };
+    packages.filter_map(flag).collect()
 }
 
 /// The .wasm file in a message of cargo, if it is about one.
@@ -108,6 +122,35 @@ fn check_target(root: &Path) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_crates_of_others_are_called_by_name() {
+        let project = serde_json::json!({
+            "workspace_members": ["path+file:///p#mine@0.1.0"],
+            "packages": [
+                {"id": "path+file:///p#mine@0.1.0", "name": "mine", "manifest_path": "/p/Cargo.toml"},
+                {"id": "registry+x#sdk@1.0.0", "name": "sdk", "manifest_path": "/r/sdk-1.0.0/Cargo.toml"},
+            ],
+        });
+        assert_eq!(flags(&project), serde_json::json!(["--remap-path-prefix=/r/sdk-1.0.0=sdk"]));
+        assert_eq!(flags(&Value::Null), serde_json::json!([]));
+    }
+
+    #[test]
+    fn flags_are_added_only_to_those_of_the_target() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(!has_flags_for_target(folder.path()));
+        std::fs::create_dir(folder.path().join(".cargo")).unwrap();
+        for (text, has_flags) in [
+            ("[build]\nrustflags = []", false),
+            ("[target.wasm32v1-none]\nlinker = 'x'", false),
+            ("[target", false),
+            ("[target.wasm32v1-none]\nrustflags = []", true),
+        ] {
+            std::fs::write(folder.path().join(".cargo/config.toml"), text).unwrap();
+            assert_eq!(has_flags_for_target(folder.path()), has_flags, "{text}");
+        }
+    }
 
     #[test]
     fn the_module_is_found_among_cargos_messages() {
