@@ -333,8 +333,8 @@ impl<'a, I: Instance> Drive<'a, I> {
             clock: self.clock,
             pieces: self.pieces,
         };
-        let (now, accepts) = (self.clock + self.now, &self.manifest.state.accepts);
-        let swapped = self.line.link.swap_accepting(now, fresh, accepts, &mut host);
+        let (now, said) = (self.clock + self.now, &self.manifest.state);
+        let swapped = self.line.link.swap_as_said(now, fresh, said, &mut host);
         swapped.map_err(|error| fault(self.now, error.to_string()))?;
         self.tell_all()
     }

@@ -7,7 +7,7 @@ use crate::{Link, LinkHost};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::error::Error;
-use softplug_abi::manifest::SettingValues;
+use softplug_abi::manifest::{SettingValues, StateFormats};
 use softplug_abi::{
     Action, Actions, Event, EventKind, Instance, Malformed, Micros, restore_pieces,
 };
@@ -101,6 +101,12 @@ pub enum SwapError<F: Error + 'static> {
         /// The format of the running plug-in's state.
         format: u16,
     },
+    /// The running plug-in's manifest does not say that it saves this format.
+    #[error("the plug-in saved a state of format {format}, which its manifest does not say")]
+    Unsaid {
+        /// The format of its state.
+        format: u16,
+    },
     /// The new plug-in saves nothing.
     #[error("the new plug-in saves no state, so that it cannot be on probation")]
     NoProbation,
@@ -143,21 +149,27 @@ impl<F: Error + 'static> From<LinkFault<F>> for SwapError<F> {
 }
 
 impl<I: Instance> Link<I> {
-    /// As [`swap`](Self::swap), if the format of the state is one that the plug-in accepts of itself: what its
-    /// manifest says must be what it does.
+    /// As [`swap`](Self::swap), of a plug-in whose manifest says this of its states: what it does must be that.
     ///
     /// # Errors
-    /// As for [`swap_to`](Self::swap_to).
-    pub fn swap_accepting(
+    /// As for [`swap_to`](Self::swap_to); [`SwapError::Unsaid`] if it saves another format.
+    pub fn swap_as_said(
         &mut self,
         now: Micros,
         successor: I,
-        accepts: &[u16],
+        said: &StateFormats,
         host: &mut dyn LinkHost,
     ) -> Result<I, SwapError<I::Fault>> {
-        let (settings, accepts) = (self.options.settings.clone(), accepts.to_vec());
-        let successor = Successor { instance: successor, settings, accepts, spare: None };
-        self.swap_to(now, successor, host)
+        let state = self.save(now, host).map_err(SwapError::Save)?.ok_or(SwapError::NoState)?;
+        let format = state.format;
+        if said.saves != Some(format) {
+            return Err(SwapError::Unsaid { format });
+        }
+        if !said.accepts.contains(&format) {
+            return Err(SwapError::Format { format });
+        }
+        let settings = self.options.settings.clone();
+        self.take_over(successor, settings, &state, None, host)
     }
 
     /// Replaces the plug-in by another instance of itself, which gets the

@@ -1,7 +1,7 @@
 //! A bench for a converter: a line in virtual time, with a UART.
 
 use crate::{Converter, Native, NativeFault};
-use softplug_abi::manifest::{Manifest, SettingError};
+use softplug_abi::manifest::{Manifest, SettingError, StateFormats};
 use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines, Refusal};
 pub use softplug_link::{Delivery, Observed, Taken};
 use softplug_link::{Job, LinkFault, LinkOptions, Recorder, VirtualLine};
@@ -42,8 +42,8 @@ pub struct Bench<C: Converter> {
     now: Micros,
     next_job: u32,
     check_pass: bool,
-    /// Formats of a state that the manifest says are taken.
-    accepts: Vec<u16>,
+    /// What the manifest says of states.
+    said: StateFormats,
     source_rate: Option<usize>,
 }
 
@@ -220,12 +220,11 @@ impl<C: Converter> Bench<C> {
         self.run_until(self.now + Micros::from_millis(millis));
     }
 
-    /// Saves the state and goes on with a new converter that was given it. Its format must be one that the
-    /// manifest accepts.
+    /// Saves the state and goes on with a new converter that was given it. Its format must be the one
+    /// that the manifest says is saved, and accepts.
     pub fn swap(&mut self) {
-        let accepts = &self.accepts;
         let recorder = &mut self.recorder;
-        let swapped = self.line.link.swap_accepting(self.now, Native::new(), accepts, recorder);
+        let swapped = self.line.link.swap_as_said(self.now, Native::new(), &self.said, recorder);
         if let Err(error) = swapped {
             panic!("at {}: {error}", self.now);
         }
@@ -351,7 +350,7 @@ impl<C: Converter> BenchOptions<C> {
             now: Micros::ZERO,
             next_job: 1,
             check_pass,
-            accepts: self.manifest.state.accepts,
+            said: self.manifest.state,
             source_rate: self.source_rate,
         };
         let opened = bench.line.link.open(Micros::ZERO, &mut bench.recorder);

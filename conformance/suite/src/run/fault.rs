@@ -141,9 +141,10 @@ impl Fault {
                 FaultClass::SettingsRefused | FaultClass::EventRefused => FaultClass::SwapFailed,
                 worse => worse,
             },
-            SwapError::NoState | SwapError::Format { .. } | SwapError::NoProbation => {
-                FaultClass::SwapFailed
-            }
+            SwapError::NoState
+            | SwapError::Format { .. }
+            | SwapError::Unsaid { .. }
+            | SwapError::NoProbation => FaultClass::SwapFailed,
             SwapError::Malformed(_) | SwapError::Rule { .. } => FaultClass::RuleBroken,
         };
         Self::new(class, at, error)

@@ -230,8 +230,8 @@ impl<'a, P: Partner> Play<'a, P> {
     pub(super) fn swap(&mut self) -> Outcome {
         let now = self.now();
         let fresh = instance(self.subject, &self.meter)?;
-        let accepts = &self.manifest().state.accepts;
-        let swapped = self.line.line.link.swap_accepting(now, fresh, accepts, &mut self.host);
+        let said = &self.manifest().state;
+        let swapped = self.line.line.link.swap_as_said(now, fresh, said, &mut self.host);
         swapped.map_err(|error| Fault::of_swap(now, &error))?;
         self.settle()
     }

@@ -402,10 +402,10 @@ impl<'a, S: Subject> Run<'a, S> {
         let at = now - self.offset;
         let fresh = Watched::start(self.subject, Rc::clone(&self.meter))
             .map_err(|error| Fault::new(FaultClass::NotStarted, at, &error))?;
-        let accepts = &self.subject.manifest().state.accepts;
+        let said = &self.subject.manifest().state;
         self.line
             .link
-            .swap_accepting(now, fresh, accepts, &mut self.recorder)
+            .swap_as_said(now, fresh, said, &mut self.recorder)
             .map(drop)
             .map_err(|error| Fault::of_swap(at, &error))
     }
