@@ -36,4 +36,4 @@ pub use error::{PartnerError, TrialError};
 pub use exchange::Side;
 pub use fate::Fate;
 pub use reason::{WAITS, reason};
-pub use trial::{End, Note, Setup, Trial, Tried};
+pub use trial::{End, Note, Setup, Trial, Tried, is_beginning};

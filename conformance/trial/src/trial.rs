@@ -47,8 +47,7 @@ impl<'a> Setup<'a> {
     /// The fields as value records, but for those that say where in the program to begin: they
     /// belong to the program as a whole.
     pub(crate) fn records_from_its_start(&self) -> Vec<u8> {
-        let is_of_start = |name: &str| name.starts_with("from_");
-        let fields = self.fields.iter().copied().filter(|(name, _)| !is_of_start(name));
+        let fields = self.fields.iter().copied().filter(|(name, _)| !is_beginning(name));
         let kind = self.manifest.jobs.get(usize::from(self.job_kind));
         let records = kind.and_then(|kind| kind.records(fields).ok());
         records.unwrap_or_else(|| self.records.to_vec())
@@ -57,6 +56,16 @@ impl<'a> Setup<'a> {
     pub(crate) fn field(&self, name: &str) -> Option<&'a str> {
         self.fields.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)
     }
+}
+
+/// Whether a field of a job says where in its program it begins, as `from_block` does.
+///
+/// ```
+/// assert!(softplug_trial::is_beginning("from_sequence"));
+/// assert!(!softplug_trial::is_beginning("preamble"));
+/// ```
+pub fn is_beginning(field: &str) -> bool {
+    field.starts_with("from_")
 }
 
 /// A plug-in on its line with a partner that wants what it sends. It makes a new instance for each

@@ -115,7 +115,8 @@ fn read(folder: &Path, digest: &Digest) -> Result<Vec<u8>, String> {
     let beside = folder.join("files").join(&name);
     let above = folder.join("../files").join(&name);
     let path = if beside.is_file() { beside } else { above };
-    let bytes = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let bytes = read_bytes(&path, limits::ITEM_BYTES)
+        .map_err(|error| format!("{}: {error}", path.display()))?;
     checked(&path, bytes, digest)
 }
 
@@ -247,17 +248,22 @@ fn load_file(path: PathBuf) -> Result<Case, LoadError> {
     Ok(Case::new(path, trace))
 }
 
-/// A file of text, of so many bytes at most: nothing else is read to its end.
+/// A file of text, of so many bytes at most.
 pub(crate) fn read_text(path: &Path, most: u64) -> io::Result<String> {
     let mut text = String::new();
-    File::open(path)?.take(most + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > most {
-        return Err(io::Error::new(
-            io::ErrorKind::FileTooLarge,
-            format!("it has more than {most} bytes"),
-        ));
-    }
+    read_bytes(path, most)?.as_slice().read_to_string(&mut text)?;
     Ok(text)
+}
+
+/// A file of so many bytes at most: one that is longer is not read to its end.
+fn read_bytes(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        let kind = io::ErrorKind::FileTooLarge;
+        return Err(io::Error::new(kind, format!("it has more than {most} bytes")));
+    }
+    Ok(bytes)
 }
 
 /// A folder's traces; a file is taken whatever its name.

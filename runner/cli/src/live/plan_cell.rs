@@ -1,7 +1,8 @@
 //! `softplug plan --cell`: the programs of a cell, without machines.
 
 use std::collections::BTreeMap;
-use std::fs;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::Path;
 use std::time::Duration;
 
@@ -136,13 +137,14 @@ fn course(
     rapid: f64,
 ) -> Result<Course, Failure> {
     let shown = plain_text(&path.display().to_string());
-    let size = fs::metadata(path).map(|file| file.len());
-    if size.is_ok_and(|size| size > MOST_PROGRAM) {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(MOST_PROGRAM + 1).read_to_end(&mut bytes))
+        .map_err(|error| Failure::usage(format_args!("{shown} cannot be read: {error}")))?;
+    if bytes.len() as u64 > MOST_PROGRAM {
         let most = MOST_PROGRAM >> 20;
         return Err(Failure::usage(format_args!("{shown} is larger than {most} MiB")));
     }
-    let bytes = fs::read(path)
-        .map_err(|error| Failure::usage(format_args!("{shown} cannot be read: {error}")))?;
     let program = Program::read(&bytes, channel, &cell.setup, cell.notation(channel))
         .map_err(|error| Failure::usage(format_args!("{shown}: {error}")))?;
     let line = link(config, &cell.setup, channel).map(|link| link.line);

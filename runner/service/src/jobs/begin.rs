@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use softplug_cell::Stop;
+use softplug_trial::is_beginning;
 
 use super::{JobSpec, JobsError, blocks};
 use crate::disk::DiskError;
@@ -37,11 +38,6 @@ impl Words<'_> {
         let behind = || self.stops.iter().filter(|stop| byte > 0 && stop.at <= byte).count();
         self.stood.filter(is_there).unwrap_or_else(|| behind() as u32)
     }
-}
-
-/// Whether a field of a job says where in its program it begins.
-pub(super) fn is_beginning(field: &str) -> bool {
-    field.starts_with("from_")
 }
 
 /// What a job is to do, beginning there. `field`: the field of the job's kind that takes the number of

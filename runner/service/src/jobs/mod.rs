@@ -546,7 +546,7 @@ fn narrowed(known: Extent, left: Extent) -> Extent {
 /// Only a whole program is what the machine has.
 fn sent(job: &Job) -> Vec<(String, String, Sent)> {
     let (Some(program), Some(data)) = (&job.spec.program, job.spec.data) else { return Vec::new() };
-    let begins_later = job.spec.fields.iter().any(|(name, _)| begin::is_beginning(name));
+    let begins_later = job.spec.fields.iter().any(|(name, _)| softplug_trial::is_beginning(name));
     let is_all = job.spec.from == 0 && !begins_later && job.extent.surely >= data.size;
     let is_whole = job.state == State::Done && job.spec.kind == Kind::Send && is_all;
     // The machine sends it back under the name that it says of itself.
