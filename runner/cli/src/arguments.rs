@@ -1,13 +1,14 @@
-//! The command line: global options and verbs.
+//! The command line.
 
 use std::ffi::OsString;
 
 use clap::error::ErrorKind;
-use clap::{ArgAction, Args, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser};
 
-use crate::commands;
+use crate::commands::Command;
 use crate::exit::{self, Exit};
 use crate::failure::Failure;
+use crate::global::Global;
 use crate::screen::Screen;
 
 /// Help is as wide as this at most.
@@ -27,80 +28,6 @@ pub(crate) struct CommandLine {
     pub(crate) global: Global,
     #[command(subcommand)]
     pub(crate) command: Command,
-}
-
-/// Options of every verb.
-#[derive(Clone, Debug, Default, Args)]
-#[command(next_help_heading = "Global options")]
-pub(crate) struct Global {
-    /// Print results, and errors, as JSON
-    #[arg(long, global = true)]
-    pub(crate) json: bool,
-    /// When to use colours; NO_COLOR is heeded too
-    #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t)]
-    pub(crate) color: Color,
-    /// Log more to standard error; -vv and -vvv log yet more, SOFTPLUG_LOG sets it by part
-    #[arg(short, long, global = true, action = ArgAction::Count, conflicts_with = "quiet")]
-    pub(crate) verbose: u8,
-    /// No progress and no notes; results and errors only
-    #[arg(short, long, global = true)]
-    pub(crate) quiet: bool,
-}
-
-/// When to use colours.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, clap::ValueEnum)]
-pub(crate) enum Color {
-    #[default]
-    Auto,
-    Always,
-    Never,
-}
-
-#[derive(Debug, Subcommand)]
-pub(crate) enum Command {
-    New(commands::new::Arguments),
-    Build(commands::build::Arguments),
-    Dev(Box<commands::dev::Arguments>),
-    Ports(commands::ports::Arguments),
-    Inspect(commands::inspect::Arguments),
-    Pack(commands::pack::Arguments),
-    Machine(commands::machine::Arguments),
-    Check(Box<commands::check::Arguments>),
-    Send(Box<commands::send::Arguments>),
-    Receive(Box<commands::receive::Arguments>),
-    Record(commands::record::Arguments),
-    Replay(commands::replay::Arguments),
-    Certify(commands::certify::Arguments),
-    Verify(commands::verify::Arguments),
-    Explore(commands::explore::Arguments),
-    Cases(commands::cases::Arguments),
-    Explain(commands::explain::Arguments),
-    Trace(commands::trace::Arguments),
-    Plan(commands::plan::Arguments),
-    Simulate(commands::simulate::Arguments),
-    Doctor(commands::doctor::Arguments),
-    Demo(commands::demo::Arguments),
-    Gateway(commands::gateway::Arguments),
-    Unit(commands::unit::Arguments),
-    Link(commands::link::Arguments),
-    Job(commands::job::Arguments),
-    Journal(commands::journal::Arguments),
-    Cell(commands::cell::Arguments),
-    Program(commands::program::Arguments),
-    Plugin(commands::plugin::Arguments),
-    Completions(commands::completions::Arguments),
-    Man(commands::man::Arguments),
-}
-
-impl Command {
-    /// The gateway's configuration says how it logs.
-    pub(crate) fn has_its_own_log(&self) -> bool {
-        match self {
-            Self::Gateway(arguments) => arguments.runs(),
-            Self::Unit(arguments) => arguments.runs(),
-            _ => false,
-        }
-    }
 }
 
 /// What the command line asks for.

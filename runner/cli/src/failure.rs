@@ -76,6 +76,14 @@ impl Failure {
         }
     }
 
+    /// What another system than Linux cannot do.
+    #[cfg(not(target_os = "linux"))]
+    pub(crate) fn only_on_linux(what: &str) -> Self {
+        Self::new(Exit::Port, format_args!("{what} works on Linux only so far")).hint(
+            "`send`, `receive`, `record`, `simulate`, `ports`, `certify` and what needs no port work here",
+        )
+    }
+
     /// A bug of ours.
     pub(crate) fn internal(message: impl Display) -> Self {
         Self::new(Exit::Internal, message)

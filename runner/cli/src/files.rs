@@ -342,6 +342,11 @@ fn folder_of(path: &Path) -> &Path {
     folder.unwrap_or(Path::new("."))
 }
 
+/// A folder that cannot be used.
+pub(crate) fn no_folder(path: &Path, error: &io::Error) -> Failure {
+    Failure::usage(format_args!("{} is no folder to use: {error}", path.display()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -8,6 +8,7 @@ use softplug_abi::{LineParameters, Parity};
 use softplug_gateway::port::{line_mismatch, line_text, parse_line};
 use softplug_gateway::{Flow, PortOptions, PortSpec};
 
+use crate::assignment::Assignment;
 use crate::failure::Failure;
 use crate::machine::MachineArguments;
 use crate::plugin::{Chosen, Library};
@@ -226,37 +227,6 @@ impl FlowBy {
             Self::Rs485 => Flow::Rs485,
         }
     }
-}
-
-/// A setting as it was asked for.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub(crate) struct Assignment {
-    pub(crate) name: String,
-    pub(crate) value: String,
-}
-
-impl FromStr for Assignment {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::parse(text).ok_or_else(|| "a setting is written NAME=VALUE".to_owned())
-    }
-}
-
-impl Assignment {
-    fn parse(text: &str) -> Option<Self> {
-        let (name, value) = text.split_once('=').filter(|(name, _)| !name.trim().is_empty())?;
-        Some(Self { name: name.trim().to_owned(), value: value.to_owned() })
-    }
-
-    pub(crate) fn as_pair(&self) -> (&str, &str) {
-        (&self.name, &self.value)
-    }
-}
-
-/// A field of a job as it was asked for.
-pub(crate) fn field(text: &str) -> Result<Assignment, String> {
-    Assignment::parse(text).ok_or_else(|| "a field is written NAME=VALUE".to_owned())
 }
 
 /// A port as people write it.

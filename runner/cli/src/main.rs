@@ -5,12 +5,14 @@
 #![cfg_attr(not(target_os = "linux"), allow(dead_code))]
 
 mod arguments;
+mod assignment;
 mod commands;
 mod corpus;
 mod dump;
 mod exit;
 mod failure;
 mod files;
+mod global;
 mod line;
 mod live;
 mod machine;
@@ -23,6 +25,7 @@ mod sequence;
 mod stop;
 mod table;
 
+use clap::CommandFactory;
 use std::ffi::OsStr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
@@ -65,7 +68,8 @@ fn main() -> ExitCode {
                 screen::start_log(&command_line.global);
             }
             let CommandLine { command, global } = *command_line;
-            let exit = guard(&screen, || commands::run(command, &global, &screen));
+            let exit =
+                guard(&screen, || commands::run(command, &global, CommandLine::command, &screen));
             screen::conclude(exit).into()
         }
         Start::End(exit) => screen::conclude(exit).into(),
@@ -118,7 +122,7 @@ mod tests {
 
     #[test]
     fn a_bug_ends_as_an_internal_error_and_not_as_a_signal() {
-        let screen = Screen::new(&arguments::Global::default());
+        let screen = Screen::new(&global::Global::default());
         assert_eq!(guard(&screen, || panic!("a bug")), Exit::Internal);
         assert_eq!(guard(&screen, || Err(Failure::usage("no"))), Exit::Usage);
         assert_eq!(guard(&screen, || Ok(Exit::Done)), Exit::Done);

@@ -13,9 +13,12 @@ use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault,
 #[cfg(feature = "native")]
 use softplug_native::{NativeInstance, NativePlugin};
 
+use crate::assignment::Assignment;
 use crate::failure::Failure;
 use crate::guess::nearest;
-use crate::line::Assignment;
+
+/// The kind of job that is meant if nothing else is said.
+pub(crate) const SEND: &str = "send";
 
 /// Where plug-ins are looked for by name.
 #[derive(Debug, Args)]

@@ -13,9 +13,9 @@ use softplug_trace::{
     Digest, Entry, HostRequest, Item, Line, Payload, SourceLine, Time, Trace, What, When, limits,
 };
 
-use crate::commands::send::SEND;
 use crate::failure::Failure;
 use crate::files;
+use crate::plugin::SEND;
 
 /// What a front matter is for a moment, so that a line can be read.
 const HEAD: &str = "id: a.b\ntitle: T\nprofile: a\nclauses: a.b\nlevel: may\n\

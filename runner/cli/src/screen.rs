@@ -14,9 +14,9 @@ use serde::Serialize;
 use softplug_gateway::plain_text;
 use tracing_subscriber::EnvFilter;
 
-use crate::arguments::{Color, Global};
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::global::{Color, Global};
 
 const ERROR: Style = AnsiColor::Red.on_default().bold();
 const HINT: Style = AnsiColor::Cyan.on_default().bold();

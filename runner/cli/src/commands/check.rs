@@ -11,10 +11,11 @@ use softplug_gateway::port::line_text;
 use softplug_trial::{Altered, Budget, Setup, Trial};
 
 use super::send::{fields, job_kind};
+use crate::assignment::{Assignment, field};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::Program;
-use crate::line::{Assignment, LinkArguments, field};
+use crate::line::LinkArguments;
 use crate::numbers;
 use crate::screen::Screen;
 use crate::table::Table;

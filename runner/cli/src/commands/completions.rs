@@ -1,9 +1,8 @@
 //! `softplug completions`: what a shell needs to complete the command.
 
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 use clap_complete::Shell;
 
-use crate::arguments::CommandLine;
 use crate::exit::Exit;
 use crate::screen::Screen;
 
@@ -18,9 +17,10 @@ pub(crate) struct Arguments {
     shell: Shell,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Exit {
+/// `whole`: the command with all its verbs.
+pub(crate) fn run(arguments: &Arguments, mut whole: Command) -> Exit {
     let mut script = Vec::new();
-    clap_complete::generate(arguments.shell, &mut CommandLine::command(), "softplug", &mut script);
+    clap_complete::generate(arguments.shell, &mut whole, "softplug", &mut script);
     Screen::raw(&script);
     Exit::Done
 }

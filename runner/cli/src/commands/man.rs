@@ -3,9 +3,8 @@
 use std::fs;
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 
-use crate::arguments::CommandLine;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::unwritable;
@@ -22,16 +21,16 @@ pub(crate) struct Arguments {
     out: Option<PathBuf>,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
-    let command = CommandLine::command();
+/// `whole`: the command with all its verbs.
+pub(crate) fn run(arguments: &Arguments, whole: Command) -> Result<Exit, Failure> {
     if let Some(folder) = &arguments.out {
         fs::create_dir_all(folder)
-            .and_then(|()| clap_mangen::generate_to(command, folder))
+            .and_then(|()| clap_mangen::generate_to(whole, folder))
             .map_err(|error| unwritable(folder, &error))?;
         return Ok(Exit::Done);
     }
     let mut page = Vec::new();
-    clap_mangen::Man::new(command)
+    clap_mangen::Man::new(whole)
         .render(&mut page)
         .map_err(|error| Failure::internal(format_args!("failed to make the page: {error}")))?;
     Screen::raw(&page);

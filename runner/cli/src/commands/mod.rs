@@ -1,5 +1,6 @@
 //! The verbs, one file each: what they take, and what they say.
 
+mod amount;
 mod bless;
 pub(crate) mod build;
 mod calls;
@@ -11,7 +12,6 @@ pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod dev;
 pub(crate) mod doctor;
-mod dry_run;
 pub(crate) mod explain;
 pub(crate) mod explore;
 pub(crate) mod gateway;
@@ -41,21 +41,73 @@ pub(crate) mod unit;
 pub(crate) mod verify;
 mod with_plugin;
 
-use crate::arguments::{Command, Global};
+use clap::Subcommand;
+
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::live;
+use crate::global::Global;
 use crate::screen::Screen;
 
-/// Does what the command line asks for.
-pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<Exit, Failure> {
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    New(new::Arguments),
+    Build(build::Arguments),
+    Dev(Box<dev::Arguments>),
+    Ports(ports::Arguments),
+    Inspect(inspect::Arguments),
+    Pack(pack::Arguments),
+    Machine(machine::Arguments),
+    Check(Box<check::Arguments>),
+    Send(Box<send::Arguments>),
+    Receive(Box<receive::Arguments>),
+    Record(record::Arguments),
+    Replay(replay::Arguments),
+    Certify(certify::Arguments),
+    Verify(verify::Arguments),
+    Explore(explore::Arguments),
+    Cases(cases::Arguments),
+    Explain(explain::Arguments),
+    Trace(trace::Arguments),
+    Plan(plan::Arguments),
+    Simulate(simulate::Arguments),
+    Doctor(doctor::Arguments),
+    Demo(demo::Arguments),
+    Gateway(gateway::Arguments),
+    Unit(unit::Arguments),
+    Link(link::Arguments),
+    Job(job::Arguments),
+    Journal(journal::Arguments),
+    Cell(cell::Arguments),
+    Program(program::Arguments),
+    Plugin(plugin::Arguments),
+    Completions(completions::Arguments),
+    Man(man::Arguments),
+}
+
+impl Command {
+    /// The gateway's configuration says how it logs.
+    pub(crate) fn has_its_own_log(&self) -> bool {
+        match self {
+            Self::Gateway(arguments) => arguments.runs(),
+            Self::Unit(arguments) => arguments.runs(),
+            _ => false,
+        }
+    }
+}
+
+/// Does what the command line asks for; `whole` is all that it could ask for.
+pub(crate) fn run(
+    command: Command,
+    global: &Global,
+    whole: fn() -> clap::Command,
+    screen: &Screen,
+) -> Result<Exit, Failure> {
     match command {
         Command::New(arguments) => new::run(&arguments, screen),
         Command::Build(arguments) => build::run(&arguments, screen),
-        Command::Dev(arguments) => live::dev(&arguments, screen),
         Command::Machine(arguments) => machine::run(&arguments, screen),
         Command::Check(arguments) => check::run(*arguments, screen),
-        Command::Ports(_) => live::ports(screen),
+        Command::Ports(_) => ports::run(screen),
         Command::Inspect(arguments) => inspect::run(&arguments, screen),
         Command::Pack(arguments) => pack::run(&arguments, screen),
         Command::Send(arguments) => send::run(*arguments, screen),
@@ -70,17 +122,44 @@ pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<
         Command::Trace(arguments) => trace::run(arguments, screen),
         Command::Plan(arguments) => plan::run(&arguments, screen),
         Command::Simulate(arguments) => simulate::run(arguments, screen),
-        Command::Doctor(arguments) => live::doctor(&arguments, screen),
-        Command::Demo(arguments) => live::demo(&arguments, screen),
-        Command::Gateway(arguments) => live::gateway(&arguments, global, screen),
-        Command::Unit(arguments) => live::unit(&arguments, global, screen),
-        Command::Cell(arguments) => live::cell(&arguments, screen),
-        Command::Link(arguments) => live::link(&arguments, screen),
-        Command::Job(arguments) => live::job(&arguments, screen),
-        Command::Journal(arguments) => live::journal(&arguments, screen),
-        Command::Program(arguments) => live::program(&arguments, screen),
-        Command::Plugin(arguments) => live::plugin(&arguments, screen),
-        Command::Completions(arguments) => Ok(completions::run(&arguments)),
-        Command::Man(arguments) => man::run(&arguments),
+        Command::Completions(arguments) => Ok(completions::run(&arguments, whole())),
+        Command::Man(arguments) => man::run(&arguments, whole()),
+        #[cfg(target_os = "linux")]
+        Command::Dev(arguments) => dev::run(&arguments, screen),
+        #[cfg(target_os = "linux")]
+        Command::Doctor(arguments) => doctor::run(&arguments, screen),
+        #[cfg(target_os = "linux")]
+        Command::Demo(arguments) => demo::run(&arguments, screen),
+        #[cfg(target_os = "linux")]
+        Command::Gateway(arguments) => gateway::run(&arguments, global, screen),
+        #[cfg(target_os = "linux")]
+        Command::Unit(arguments) => unit::run(&arguments, global, screen),
+        #[cfg(target_os = "linux")]
+        Command::Cell(arguments) => cell::run(&arguments, screen),
+        #[cfg(target_os = "linux")]
+        Command::Link(arguments) => link::run(&arguments, screen),
+        #[cfg(target_os = "linux")]
+        Command::Job(arguments) => job::run(&arguments, screen),
+        #[cfg(target_os = "linux")]
+        Command::Journal(arguments) => journal::run(&arguments, screen),
+        #[cfg(target_os = "linux")]
+        Command::Program(arguments) => program::run(&arguments, screen),
+        #[cfg(target_os = "linux")]
+        Command::Plugin(arguments) => plugin::run(&arguments, screen),
+        #[cfg(not(target_os = "linux"))]
+        command => Err(only_on_linux(&command)),
     }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn only_on_linux(command: &Command) -> Failure {
+    Failure::only_on_linux(match command {
+        Command::Gateway(_) => "the gateway",
+        Command::Unit(_) => "a front-end unit",
+        Command::Doctor(_) => "examining a port",
+        Command::Dev(_) => "swapping on each save",
+        Command::Demo(_) => "the demonstration",
+        Command::Plugin(_) => "the library of a gateway",
+        _ => "speaking with a gateway",
+    })
 }

@@ -13,13 +13,12 @@ use softplug_plan::{
     ShopError, Taken, Wrong, picture, picture_of, plan, simulate,
 };
 
-use super::plan_cell::CellArguments;
+use super::plan_cell::{self, CellArguments};
 use super::plan_pulses::{self, PulseArguments};
+use super::remote::{self, Remote};
 use super::with_plugin;
-use crate::commands::remote::Remote;
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::live;
 use crate::numbers::{count, span, things};
 use crate::plugin::{Chosen, Library};
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
@@ -142,7 +141,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     }
     let file = arguments.shop.as_deref().unwrap_or(Path::new("shop.toml"));
     if let Some(cell) = &arguments.cell.cell {
-        return live::plan_cell(file, cell, &arguments.cell, screen);
+        return plan_cell::plan_cell(file, cell, &arguments.cell, screen);
     }
     let shop = read(file)?;
     if let Some(file) = arguments.svg.as_ref().filter(|svg| is_same_file(svg, file)) {
@@ -226,7 +225,7 @@ fn with_measured(
     let Arguments { token_file, ca, bus, .. } = arguments;
     let gateway = Some(url.to_owned());
     let remote = Remote { gateway, token_file: token_file.clone(), ca: ca.clone() };
-    let measured = live::measured(&remote, bus.as_deref())?;
+    let measured = remote::measured(&remote, bus.as_deref())?;
     shop.with_measured(&measured).map_err(|error| {
         Failure::usage(format_args!("what {url} has measured cannot be planned with: {error}"))
     })

@@ -12,7 +12,7 @@ use softplug_machines::{Partner, Signal};
 const TICK: Micros = Micros::from_millis(50);
 
 /// A machine with what it does by itself.
-pub(super) trait Simulated: Partner {
+pub(crate) trait Simulated: Partner {
     /// Somebody is connected; said at every turn.
     fn connected(&mut self, now: Micros) {
         let _ = now;
@@ -32,7 +32,7 @@ pub(super) trait Simulated: Partner {
 }
 
 /// A machine at work.
-pub(super) struct Machine<P> {
+pub(crate) struct Machine<P> {
     simulator: Simulator<Watched<P>>,
     quiet_time: Option<Micros>,
     /// What waited to be taken at the last look.
@@ -42,13 +42,13 @@ pub(super) struct Machine<P> {
 impl<P: Simulated> Machine<P> {
     /// On a pty of its own; with a quiet time it ends when nothing has moved for
     /// so long and all is done.
-    pub(super) fn new(partner: P, quiet_time: Option<Micros>) -> Result<Self, PortError> {
+    pub(crate) fn new(partner: P, quiet_time: Option<Micros>) -> Result<Self, PortError> {
         let simulator = Simulator::new(Watched { partner, moved_at: None })?;
         Ok(Self { simulator, quiet_time, unwritten: 0 })
     }
 
     /// Behind a TCP port.
-    pub(super) fn listen(
+    pub(crate) fn listen(
         address: SocketAddr,
         partner: P,
         quiet_time: Option<Micros>,
@@ -58,23 +58,23 @@ impl<P: Simulated> Machine<P> {
     }
 
     /// The port to open.
-    pub(super) fn port(&self) -> PortSpec {
+    pub(crate) fn port(&self) -> PortSpec {
         self.simulator.port()
     }
 
     /// Whether something that it has sent was not taken.
-    pub(super) fn has_unwritten(&self) -> bool {
+    pub(crate) fn has_unwritten(&self) -> bool {
         self.simulator.unwritten() > 0
     }
 
     /// The machine, to look at.
-    pub(super) fn partner(&self) -> &P {
+    pub(crate) fn partner(&self) -> &P {
         &self.simulator.partner.partner
     }
 
     /// Works until `stop`, or until a transfer has ended if only one is asked
     /// for.
-    pub(super) fn run(&mut self, stop: &AtomicBool) -> Result<(), PortError> {
+    pub(crate) fn run(&mut self, stop: &AtomicBool) -> Result<(), PortError> {
         while !stop.load(Ordering::Relaxed) {
             let now = self.simulator.now();
             self.simulator.turn(now + TICK)?;

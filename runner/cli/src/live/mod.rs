@@ -1,61 +1,9 @@
-//! The verbs that need ports, or what else not every system has.
+//! A plug-in on a port: what the verbs that run one share.
 
-mod machine;
-mod ports;
-mod progress;
-mod receive;
-mod record;
-mod send;
-mod serve;
-mod simulate;
+pub(crate) mod machine;
+pub(crate) mod progress;
 
-#[cfg(target_os = "linux")]
-mod demo;
-#[cfg(target_os = "linux")]
-mod dev;
-#[cfg(target_os = "linux")]
-mod doctor;
-#[cfg(not(target_os = "linux"))]
-mod elsewhere;
-#[cfg(target_os = "linux")]
-mod gateway;
-#[cfg(target_os = "linux")]
-mod plan_cell;
-#[cfg(target_os = "linux")]
-mod plugin;
-#[cfg(target_os = "linux")]
-mod remote;
-#[cfg(target_os = "linux")]
-mod unit;
-
-#[cfg(target_os = "linux")]
-pub(crate) use demo::demo;
-#[cfg(target_os = "linux")]
-pub(crate) use dev::dev;
-#[cfg(target_os = "linux")]
-pub(crate) use doctor::doctor;
-#[cfg(not(target_os = "linux"))]
-pub(crate) use elsewhere::{
-    cell, demo, dev, doctor, gateway, job, journal, link, measured, plan_cell, plugin, program,
-    unit,
-};
-#[cfg(target_os = "linux")]
-pub(crate) use gateway::gateway;
-#[cfg(target_os = "linux")]
-pub(crate) use plan_cell::plan_cell;
-#[cfg(target_os = "linux")]
-pub(crate) use plugin::plugin;
-pub(crate) use ports::ports;
-pub(crate) use receive::receive;
-pub(crate) use record::record;
-#[cfg(target_os = "linux")]
-pub(crate) use remote::{cell, job, journal, link, measured, program};
-pub(crate) use send::send;
-pub(crate) use serve::serve;
-pub(crate) use simulate::simulate;
-#[cfg(target_os = "linux")]
-pub(crate) use unit::unit;
-
+use serde::Serialize;
 use softplug_abi::NoteLevel;
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_gateway::port::line_text;
@@ -64,7 +12,6 @@ use softplug_gateway::transfer::{Note, Reception, TransferError};
 use softplug_gateway::{Port, PortOptions, PortSpec};
 use softplug_trial::reason;
 
-use crate::commands::send::{KeptDocument, NoteDocument};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::line::{Carrier, ChosenLine, LinkArguments};
@@ -72,8 +19,27 @@ use crate::numbers;
 use crate::plugin::{AnyFault, AnyInstance, Chosen};
 use crate::screen::Screen;
 
+/// Something that came besides, and was kept.
+#[derive(Serialize)]
+pub(crate) struct KeptDocument {
+    pub(crate) result: &'static str,
+    pub(crate) bytes: u64,
+    pub(crate) file: Option<String>,
+    /// The name that the machine gave.
+    pub(crate) name: Option<String>,
+    pub(crate) failure: Option<&'static str>,
+}
+
+/// Something that the plug-in said.
+#[derive(Serialize)]
+pub(crate) struct NoteDocument {
+    pub(crate) level: &'static str,
+    pub(crate) code: u16,
+    pub(crate) text: String,
+}
+
 /// Opens the port and says what is to be known of its line.
-fn open(
+pub(crate) fn open(
     spec: &PortSpec,
     options: &PortOptions,
     line: &ChosenLine,
@@ -100,7 +66,7 @@ fn open(
 }
 
 /// The plug-in on the port. It is given room for deliveries if they have a place.
-fn station(
+pub(crate) fn station(
     spec: &PortSpec,
     link: &LinkArguments,
     plugin: &Chosen,
@@ -119,7 +85,7 @@ fn station(
     Ok(Station::new(port, instance, options)?)
 }
 
-fn transfer_failure(error: TransferError<AnyFault>) -> Failure {
+pub(crate) fn transfer_failure(error: TransferError<AnyFault>) -> Failure {
     match error {
         TransferError::Station(StationError::Port(error)) => error.into(),
         TransferError::Station(StationError::Plugin(fault)) => {
@@ -132,7 +98,7 @@ fn transfer_failure(error: TransferError<AnyFault>) -> Failure {
 
 /// Says what the plug-in said, as far as it matters; with the words of the
 /// manifest where its code is a status.
-fn say_notes(notes: &[Note], manifest: &Manifest, screen: &Screen) {
+pub(crate) fn say_notes(notes: &[Note], manifest: &Manifest, screen: &Screen) {
     for note in notes.iter().filter(|note| note.level <= NoteLevel::Warning) {
         let text = note.text.escape_debug();
         match manifest.status(note.code) {
@@ -148,7 +114,7 @@ fn say_notes(notes: &[Note], manifest: &Manifest, screen: &Screen) {
 }
 
 /// Says what came besides, each with its place.
-fn say_kept(kept: &[Reception], manifest: &Manifest, screen: &Screen) {
+pub(crate) fn say_kept(kept: &[Reception], manifest: &Manifest, screen: &Screen) {
     for reception in kept {
         let came = numbers::bytes(reception.bytes);
         let place = reception.path.as_ref().map(|path| format!(" into {}", path.display()));
@@ -163,7 +129,7 @@ fn say_kept(kept: &[Reception], manifest: &Manifest, screen: &Screen) {
     }
 }
 
-fn kept_documents(kept: &[Reception]) -> Vec<KeptDocument> {
+pub(crate) fn kept_documents(kept: &[Reception]) -> Vec<KeptDocument> {
     let document = |reception: &Reception| KeptDocument {
         result: if reception.failure.is_none() { "complete" } else { "failed" },
         bytes: reception.bytes,
@@ -174,7 +140,7 @@ fn kept_documents(kept: &[Reception]) -> Vec<KeptDocument> {
     kept.iter().map(document).collect()
 }
 
-fn note_documents(notes: &[Note]) -> Vec<NoteDocument> {
+pub(crate) fn note_documents(notes: &[Note]) -> Vec<NoteDocument> {
     let document = |note: &Note| NoteDocument {
         level: note.level.name(),
         code: note.code,

@@ -17,7 +17,7 @@ const WAITING: &str = "waiting for ";
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A bar on standard error, or nothing where nobody would see it.
-pub(super) struct Bar<'a> {
+pub(crate) struct Bar<'a> {
     shown: ProgressBar,
     screen: &'a Screen,
     wait: RefCell<Wait>,
@@ -50,7 +50,7 @@ impl Wait {
 
 impl<'a> Bar<'a> {
     /// A bar for a known size, or a line that tells how much came.
-    pub(super) fn new(total: Option<u64>, screen: &'a Screen) -> Self {
+    pub(crate) fn new(total: Option<u64>, screen: &'a Screen) -> Self {
         Self { shown: Self::bar(total, screen), screen, wait: RefCell::default() }
     }
 
@@ -67,7 +67,7 @@ impl<'a> Bar<'a> {
         bar.with_style(style.progress_chars("=> "))
     }
 
-    pub(super) fn show(&self, progress: &Progress<'_>) {
+    pub(crate) fn show(&self, progress: &Progress<'_>) {
         if self.wait.borrow_mut().is_to_be_told(progress.state, Instant::now()) {
             let state = progress.state.escape_debug();
             self.aside(|| {
@@ -85,12 +85,12 @@ impl<'a> Bar<'a> {
     }
 
     /// Prints something while the bar is out of the way.
-    pub(super) fn aside(&self, print: impl FnOnce()) {
+    pub(crate) fn aside(&self, print: impl FnOnce()) {
         self.shown.suspend(print);
     }
 
     /// Takes the bar away: the result says it all.
-    pub(super) fn end(&self) {
+    pub(crate) fn end(&self) {
         self.shown.finish_and_clear();
     }
 }

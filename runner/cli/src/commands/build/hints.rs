@@ -6,11 +6,8 @@ use softplug_build::{Kind, sections};
 use softplug_host::LintError;
 
 use super::project::{Language, Project};
+use super::rust::NO_EXPORT;
 use crate::failure::Failure;
-
-/// Of a crate without exports, which also has no panic handler.
-pub(super) const NO_EXPORT: &str =
-    "name your converter in src/lib.rs: softplug_plugin::export!(YourConverter);";
 
 /// Where the manifest of a plug-in in Rust is written.
 const IN_MACROS: &str =

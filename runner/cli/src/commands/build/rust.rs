@@ -6,9 +6,13 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use super::{hints, tool};
+use super::tool;
 use crate::failure::Failure;
 use crate::files;
+
+/// Of a crate without exports, which also has no panic handler.
+pub(super) const NO_EXPORT: &str =
+    "name your converter in src/lib.rs: softplug_plugin::export!(YourConverter);";
 
 /// The file that tells such a project.
 pub(super) const MARK: &str = "Cargo.toml";
@@ -33,7 +37,7 @@ pub(super) fn compile(root: &Path) -> Result<(PathBuf, Vec<u8>), Failure> {
         // Before the SDK is on crates.io, or without a network.
         let lacks_sdk = said.contains("`softplug-plugin`") && said.contains("registry");
         return Err(if said.contains("#[panic_handler]") {
-            failure.hint(hints::NO_EXPORT)
+            failure.hint(NO_EXPORT)
         } else if lacks_sdk {
             failure.hint(
                 "take the SDK from a clone of Softplug: in Cargo.toml, twice, \

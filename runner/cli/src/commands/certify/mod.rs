@@ -2,7 +2,6 @@
 
 pub(super) mod explored;
 pub(super) mod files;
-pub(super) mod random;
 pub(super) mod score;
 mod show;
 
@@ -24,8 +23,8 @@ use softplug_report::attest::{self, PrivateKey};
 use softplug_report::{Report, VerdictKind, annotations};
 
 use self::files::Folder;
-use self::random::Amount;
 use self::score::Sample;
+use super::amount::Amount;
 use crate::corpus;
 use crate::exit::Exit;
 use crate::failure::Failure;

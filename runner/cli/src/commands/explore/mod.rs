@@ -17,7 +17,7 @@ use softplug_explore::{
 };
 
 use self::show::{All, Explored, Random};
-use crate::commands::certify::random;
+use crate::commands::amount;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::numbers::{count, things};
@@ -83,7 +83,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N")]
     states: Option<u64>,
     /// At most so long for each configuration, such as 90s, 10min or 1h
-    #[arg(long, value_name = "SPAN", value_parser = random::time)]
+    #[arg(long, value_name = "SPAN", value_parser = amount::time)]
     time: Option<Duration>,
     /// Threads to run on; they change nothing of what is found
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]

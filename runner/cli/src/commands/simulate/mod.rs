@@ -1,5 +1,7 @@
 //! `softplug simulate`: machines to try a set-up on.
 
+mod run;
+
 mod fanuc;
 mod faults;
 mod kermit;
@@ -8,6 +10,9 @@ mod r3964;
 mod script;
 mod xmodem;
 mod xon_xoff;
+
+#[cfg(target_os = "linux")]
+pub(super) use run::{Fanuc, R3964, XonXoff, difference};
 
 pub(crate) use fanuc::FanucSimulation;
 pub(crate) use kermit::KermitSimulation;
@@ -26,7 +31,6 @@ use softplug_abi::Micros;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files;
-use crate::live;
 use crate::screen::Screen;
 
 /// Simulates a machine on a pseudo-terminal or a TCP port, in real time.
@@ -118,7 +122,7 @@ pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure
         Machine::Xmodem(machine) => Simulation::Xmodem(Box::new(machine.prepare()?)),
         Machine::Script(script) => Simulation::Script(Box::new(script.prepare()?)),
     };
-    live::simulate(&simulation, screen)
+    run::simulate(&simulation, screen)
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

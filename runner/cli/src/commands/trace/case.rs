@@ -6,11 +6,11 @@ use clap::Args;
 use serde::Serialize;
 use softplug_trace::{Assignment as Setting, Trace, limits};
 
+use crate::assignment::Assignment;
 use crate::commands::replay::judge_of;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::{self, Partial};
-use crate::line::Assignment;
 use crate::plugin::Library;
 use crate::recorded::{Requests, make, of_flight};
 use crate::screen::Screen;
