@@ -147,7 +147,11 @@ pub(crate) fn run(
         #[cfg(target_os = "linux")]
         Command::Plugin(arguments) => plugin::run(&arguments, screen),
         #[cfg(not(target_os = "linux"))]
-        command => Err(only_on_linux(&command)),
+        command => {
+            // It says how the gateway logs.
+            let _ = global;
+            Err(only_on_linux(&command))
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The author's kit: a new project builds, passes its own tests and is conformant.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -158,22 +159,38 @@ fn a_project_like_request_reply_is_conformant_and_passes_its_own_tests() {
     begins_like("request-reply");
 }
 
-/// A project begun from a profile's reference plug-in is conformant to it.
+/// A project begun from a profile's reference plug-in is conformant to it, by the corpus that comes with it: the
+/// suite's own.
 fn begins_from(profile: &str, language: &str) {
     let bench = Bench::new();
     let name = format!("kit-{profile}-{language}");
     let words = ["new", &name, "--from", profile, "--lang", language];
     let said = in_folder(&bench, "", &words).with_code(0);
     assert!(said.out.contains(&format!("--profile {profile} ")), "{said}");
-    in_folder(&bench, &name, &["build"]).with_code(0);
-    for words in [&["--profile", profile, "--corpus", "."][..], &["--profile", profile]] {
-        let words = [&["certify", &name, "--json"][..], words].concat();
-        let report = in_folder(&bench, &name, &words).with_code(0).json();
-        assert_eq!(report["verdict"], "conformant");
+    for part in [format!("requirements/{profile}.toml"), format!("traces/{profile}")] {
+        let (own, suite) = (bench.path(&name).join(&part), clone().join("fixtures").join(&part));
+        assert_eq!(contents(&own), contents(&suite));
     }
+    in_folder(&bench, &name, &["build"]).with_code(0);
+    let words = ["certify", &name, "--json", "--profile", profile, "--corpus", "."];
+    let report = in_folder(&bench, &name, &words).with_code(0).json();
+    assert_eq!(report["verdict"], "conformant");
     let shown = in_folder(&bench, &name, &["inspect", &name, "--json"]).with_code(0).json();
     assert_eq!(shown["manifest"]["name"], name);
     in_folder(&bench, &name, &["cases", "--lint", "--corpus", "."]).with_code(0);
+}
+
+/// What a file has, or each of a folder's.
+fn contents(path: &Path) -> BTreeMap<String, String> {
+    let files = match fs::read_dir(path) {
+        Ok(entries) => entries.map(|entry| entry.unwrap().path()).collect(),
+        Err(_) => vec![path.to_owned()],
+    };
+    let named = |file: PathBuf| {
+        let name = file.file_name().unwrap().to_string_lossy().into_owned();
+        (name, fs::read_to_string(file).unwrap())
+    };
+    files.into_iter().map(named).collect()
 }
 
 #[test]

@@ -2,9 +2,9 @@
 
 use super::super::frame::{ACK, DC1, DC3, EOT, ETX, Frame, Kind, NAK, Place, SOH, STX};
 use super::super::{Fe, text};
-use super::{after, line};
+use super::{after, host, line};
 use crate::dice::Dice;
-use crate::model::{Given, LineInput, Proposal};
+use crate::model::{Given, HostRequest, LineInput, Proposal};
 use softplug_abi::LineErrorKind;
 
 impl Fe {
@@ -60,13 +60,24 @@ impl Fe {
                 after(pace, line(LineInput::Damaged { kind, byte, span: 0 }))
             }
             4 => after(self.rules.character_time.0 + 1, Given::Nothing),
-            5..=16 => after(pace, self.says(&one)),
+            5 => after(dice.between(1, self.rules.character_time.0), self.host_meanwhile(dice)),
+            6..=16 => after(pace, self.says(&one)),
             17 => after(
                 pace,
                 self.says(&[rest, vec![*dice.pick(&[DC1, DC3, EOT, STX, b'X'])]].concat()),
             ),
             _ => after(self.characters(rest.len()), self.says(&rest)),
         }
+    }
+
+    /// What the host asks for while a header or block is under way.
+    fn host_meanwhile(&self, dice: &mut Dice) -> Given {
+        host(match dice.below(8) {
+            0 => HostRequest::Pause(self.jobs),
+            1 => HostRequest::Resume(self.jobs),
+            2 => HostRequest::Abort(0),
+            _ => HostRequest::Abort(self.jobs),
+        })
     }
 
     /// What may follow the characters of a header or block that have come.

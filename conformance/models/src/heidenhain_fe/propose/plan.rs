@@ -113,8 +113,10 @@ impl Fe {
     fn holds(&self, dice: &mut Dice) -> Option<Proposal> {
         let wait = dice.between(1, 100_000);
         let name = self.job.as_ref().and_then(|job| job.name.clone());
-        if self.out.waiting() > MOST_OWED {
-            return Some(after(self.characters(MOST_OWED), self.says(&[DC1])));
+        // One that waits for none fills all places that there are for them.
+        let most = *dice.pick(&[MOST_OWED, MOST_OWED, self.rules.answers]);
+        if self.out.waiting() >= most {
+            return Some(after(self.characters(most), self.says(&[DC1])));
         }
         match (self.is_held, dice.below(8)) {
             (true, 1..=2) if self.job.is_none() && matches!(self.state, State::Idle) => {

@@ -30,7 +30,7 @@ const SIP: Option<NonZeroUsize> = NonZeroUsize::new(7);
 const REST: Micros = Micros::from_secs(1);
 
 /// More than the ids of jobs in a trace.
-const JOBS: u32 = 10_000;
+const JOBS: u32 = (1 << 24) - 1;
 
 /// Runs a trace once, in one permutation. The seed changes where random cuts fall.
 ///
