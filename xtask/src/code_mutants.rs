@@ -35,7 +35,9 @@ fn parts() -> Vec<Part> {
     vec![
         Part {
             name: "trace",
-            files: vec!["conformance/trace/src/parse/*.rs".to_owned()],
+            files: ["parse/*", "hidden"]
+                .map(|module| format!("conformance/trace/src/{module}.rs"))
+                .into(),
             unoptimised: vec!["softplug-trace".to_owned()],
             passes: vec![trace(slow.map(|word| format!("--skip={word}")).into()), trace(vec![])],
         },

@@ -20,6 +20,7 @@
 //! there, cannot be explored.
 #![forbid(unsafe_code)]
 
+mod bounds;
 mod choice;
 mod course;
 mod end;
@@ -46,14 +47,13 @@ mod sound;
 mod walk;
 mod world;
 
+pub use bounds::{Bounds, Kept, Progress};
 pub use choice::{Choice, Damage};
 pub use error::ExploreError;
-pub use explore::{
-    Bounds, Counterexample, Exploration, Kept, Progress, Setup, Way, explore, explore_marked,
-};
+pub use explore::{Counterexample, Exploration, Way, explore, explore_marked};
 pub use log::Log;
 pub use marked::Marked;
 pub use plans::{LARGER, PLANS, Plan, larger, plans};
 pub use promise::Breach;
-pub use scenario::Changes;
+pub use scenario::{Changes, Setup};
 pub use walk::{Walked, Walks, walk};

@@ -2,16 +2,17 @@
 
 use crate::ExploreError;
 use crate::end::JobGiven;
-use crate::explore::Setup;
 use crate::partner::{Partner, Unjudged};
 use crate::plans::Plan;
 use crate::promise::{Ambiguous, Guard};
-use crate::world::BEGIN;
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_abi::{LineParameters, Micros};
 use softplug_link::LinkOptions;
 use softplug_models::{Conditions, Model, Profile, Settings};
 use std::sync::Arc;
+
+/// When the links are opened.
+pub(crate) const BEGIN: Micros = Micros(1_000_000);
 
 /// Settings and jobs in place of a plan's.
 ///
@@ -29,6 +30,23 @@ pub struct Changes {
     pub jobs: [Option<Vec<Vec<u8>>>; 2],
     /// The plug-in is not held to the profile's model: only the promises count.
     pub without_model: bool,
+}
+
+/// What the plug-ins on the line are given from the start.
+///
+/// The example of [`Exploration`] looks at one.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Setup {
+    /// Settings of each plug-in, as they were asked for.
+    pub settings: [Vec<(String, String)>; 2],
+    /// Jobs of each plug-in.
+    pub jobs: [Vec<Vec<u8>>; 2],
+    /// The characters on the line.
+    pub line: LineParameters,
+    /// Bytes of deliveries that the host takes before it has to put them away.
+    pub delivery_room: u32,
+    /// When the link was opened.
+    pub begin: Micros,
 }
 
 /// What is explored.

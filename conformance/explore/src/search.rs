@@ -1,5 +1,7 @@
 //! Breadth first over all states, level by level.
 
+use crate::ExploreError;
+use crate::bounds::{Bounds, Progress};
 use crate::choice::Choice;
 use crate::end::Ended;
 use crate::graph::{Graph, Node};
@@ -10,7 +12,6 @@ use crate::promise::Breach;
 use crate::sandbox::{Sandbox, Subject};
 use crate::scenario::Scenario;
 use crate::world::World;
-use crate::{Bounds, ExploreError, Progress};
 use softplug_abi::Micros;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::panic::resume_unwind;

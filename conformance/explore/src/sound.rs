@@ -1,7 +1,7 @@
 //! Tests that states which count as one are one: whatever comes, the same comes of them.
 
+use crate::bounds::Bounds;
 use crate::choice::Choice;
-use crate::explore::Bounds;
 use crate::log::Log;
 use crate::plans::{Plan, plans};
 use crate::sandbox::Subject;

@@ -6,15 +6,16 @@
 //! the same.
 
 use crate::ExploreError;
+use crate::bounds::{Bounds, Progress};
 use crate::choice::Choice;
-use crate::explore::{Bounds, Counterexample, Progress, Setup, Way};
+use crate::explore::{Counterexample, Way};
 use crate::hash::Hash128;
 use crate::instance::{Shared, locked};
 use crate::marked::{Marked, add_marks};
 use crate::plans::Plan;
 use crate::promise::Breach;
 use crate::sandbox::Subject;
-use crate::scenario::{Changes, Scenario};
+use crate::scenario::{Changes, Scenario, Setup};
 use crate::search::Search;
 use crate::world::World;
 use softplug_models::Dice;

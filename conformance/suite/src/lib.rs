@@ -44,13 +44,14 @@ pub use corpus::{Corpus, CorpusError, Listed, Source, lint};
 pub use explored::{
     differs_from_explored, explore_checked, explore_profile, rows_of_way, traces_of_way,
 };
+pub use given::case::Case;
 pub use given::disturb::{Disturbed, Noise, disturb};
 pub use given::file_error::FileError;
 pub use given::ledger;
 pub use given::lines::{
     bad_kind, damage, line_error, line_error_name, line_parameters, modem_lines,
 };
-pub use given::load::{Case, LoadError, load};
+pub use given::load::{LoadError, load};
 pub use given::timeline::TimelineError;
 pub use judge::divergence::{Divergence, Side};
 pub use judge::run::{Filter, Judge, Summary, judge, run_all};

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use crate::hidden::forbidden;
 use crate::limits;
 
 /// A fault in a trace.
@@ -167,7 +168,7 @@ impl ParseError {
         let first = if column < WIDTH { 0 } else { column - WIDTH / 2 };
         let visible = |c: char| match c {
             '\t' => ' ',
-            c if crate::parse::forbidden(c) => '\u{FFFD}',
+            c if forbidden(c) => '\u{FFFD}',
             c => c,
         };
         let mut line: String =

@@ -6,15 +6,23 @@ use crate::annotation::annotation;
 use crate::model::{
     Assignment, ByteClass, DeliveryEnd, Drain, Entry, Exact, Expected, FrontMatter, HostRequest,
     Item, Line, LineErrorKind, LineEvent, ModemLevels, Origin, Payload, Permutations, Room, Trace,
-    What,
+    UNDER_WAY, What,
 };
-use crate::parse::UNDER_WAY;
 
 /// Where the annotation begins, unless the line is longer.
 const GLOSS_COLUMN: usize = 24;
 
+impl Trace {
+    /// The canonical text. Parsed again it gives an equal trace, as long as the
+    /// trace came from [`Trace::parse`] or keeps the format's rules (names are
+    /// names, times are sorted, blank lines single).
+    pub fn format(&self) -> String {
+        trace(self)
+    }
+}
+
 /// The whole file.
-pub(crate) fn trace(trace: &Trace) -> String {
+fn trace(trace: &Trace) -> String {
     let mut text = front(&trace.front);
     text.push_str("---\n");
     for line in &trace.body {

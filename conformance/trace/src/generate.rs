@@ -3,7 +3,7 @@
 //! Their output is part of the format: it is frozen by tests, and a change
 //! would need a new name.
 
-use crate::model::Generator;
+use std::fmt;
 
 /// Every generator.
 pub const GENERATORS: &[GeneratorKind] =
@@ -39,6 +39,23 @@ impl GeneratorKind {
             Self::Bytes => "bytes",
             Self::Text => "text",
         }
+    }
+}
+
+/// A generator's call: the same bytes for the same call, for ever.
+#[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
+pub struct Generator {
+    /// What it makes.
+    pub kind: GeneratorKind,
+    /// Where it starts.
+    pub seed: u64,
+    /// How many bytes.
+    pub length: u64,
+}
+
+impl fmt::Display for Generator {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "gen:{}({},{})", self.kind.name(), self.seed, self.length)
     }
 }
 

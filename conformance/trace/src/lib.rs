@@ -37,6 +37,7 @@ pub mod exchange;
 mod file_name;
 mod format;
 mod generate;
+mod hidden;
 pub mod limits;
 mod model;
 mod parse;
@@ -50,11 +51,11 @@ pub use bless::BlessError;
 pub use diff::{Difference, diff};
 pub use error::{ParseError, ParseErrorKind};
 pub use file_name::{FileNameError, is_slug};
-pub use generate::{GENERATORS, GeneratorKind};
+pub use generate::{GENERATORS, Generator, GeneratorKind};
 pub use model::{
     Alternatives, Assignment, BadKind, ByteClass, CheckFault, DeliveryEnd, Digest, Direction,
-    Drain, Edge, Entry, Exact, Expected, Files, FrontMatter, Generator, HostRequest, Item, Level,
-    Line, LineErrorKind, LineEvent, LineSettings, LinkDownReason, ModemLevels, ModemLine, NoFiles,
+    Drain, Edge, Entry, Exact, Expected, Files, FrontMatter, HostRequest, Item, Level, Line,
+    LineErrorKind, LineEvent, LineSettings, LinkDownReason, ModemLevels, ModemLine, NoFiles,
     Origin, Parity, Payload, PayloadError, Permutations, Piece, Room, SourceLine, Time, Trace,
     What, When,
 };

@@ -5,8 +5,7 @@ use std::collections::VecDeque;
 use softplug_abi::{LineParameters, Micros};
 
 use crate::settings::Set;
-use crate::trial::Setup;
-use crate::willing::BEGIN;
+use crate::setup::{BEGIN, Setup};
 
 const SOH: u8 = 0x01;
 const STX: u8 = 0x02;

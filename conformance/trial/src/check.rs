@@ -9,8 +9,10 @@ use softplug_abi::{Failure, Instance};
 use crate::characters::{Found, characters};
 use crate::error::TrialError;
 use crate::fate::{Fate, Probe};
+use crate::paper::Keep;
 use crate::reason::reason;
-use crate::trial::{End, Keep, Trial};
+use crate::trial::Trial;
+use crate::tried::End;
 
 /// What becomes of a program on its way; [`Trial::check`] finds it out.
 #[derive(Clone, PartialEq, Eq, Debug)]

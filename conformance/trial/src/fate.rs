@@ -11,8 +11,10 @@ use softplug_abi::{Failure, Instance};
 
 use crate::characters::Written;
 use crate::error::TrialError;
+use crate::paper::Keep;
 use crate::reason::{WAITS, reason};
-use crate::trial::{End, Keep, Trial};
+use crate::trial::Trial;
+use crate::tried::End;
 
 /// What becomes of a character.
 ///

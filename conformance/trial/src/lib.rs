@@ -8,7 +8,8 @@
 //! | module | what |
 //! |---|---|
 //! | `closed_loop` | both ends of a line: a plug-in and a simulated machine, in virtual time |
-//! | `trial`, `paper` | a job in it; the host's side of the job |
+//! | `setup`, `trial`, `tried` | what is tried; a job in the loop; what came of it |
+//! | `paper` | the host's side of the job |
 //! | `willing`, `blockwise` | the partner for each profile |
 //! | `characters`, `fate`, `check` | what a program is written in, and what becomes of it |
 //! | `budget` | how much all of it may cost |
@@ -25,7 +26,9 @@ mod fate;
 mod paper;
 mod reason;
 mod settings;
+mod setup;
 mod trial;
+mod tried;
 mod willing;
 
 pub use budget::{Budget, MeteredFault};
@@ -36,4 +39,6 @@ pub use error::{PartnerError, TrialError};
 pub use exchange::Side;
 pub use fate::Fate;
 pub use reason::{WAITS, reason};
-pub use trial::{End, Note, Setup, Trial, Tried, is_beginning};
+pub use setup::{Setup, is_beginning};
+pub use trial::Trial;
+pub use tried::{End, Note, Tried};

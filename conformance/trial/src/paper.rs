@@ -8,13 +8,23 @@ use softplug_link::{LinkFault, LinkHost, Supply};
 use crate::budget::Budget;
 use crate::closed_loop::ClosedLoop;
 use crate::exchange::{Exchange, Side};
-use crate::trial::{End, Keep, Note};
+use crate::tried::{End, Note};
 use crate::willing::Willing;
 
 /// What a program is read from, as often as the plug-in wants.
 trait Source: Read + Seek {}
 
 impl<T: Read + Seek> Source for T {}
+
+/// What is kept of a run.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Keep {
+    /// How it ended.
+    Nothing,
+    /// Also what was on the wire.
+    Wire,
+    All,
+}
 
 /// The host's side of the job, and the wire.
 pub(crate) struct Paper<'a> {

@@ -3,70 +3,21 @@
 use std::error::Error;
 use std::io::{Read, Seek};
 
-use softplug_abi::manifest::{Manifest, SettingValues};
-use softplug_abi::{Failure, Instance, LineParameters, Micros, NoteLevel};
+use softplug_abi::{Instance, Micros};
 use softplug_link::{Job, LinkFault, LinkOptions};
-use softplug_machines::pulse_lathe::Lathe;
 
 use crate::budget::{Budget, Metered, MeteredFault};
 use crate::closed_loop::ClosedLoop;
 use crate::error::TrialError;
-use crate::exchange::{Exchange, Side};
-use crate::paper::Paper;
+use crate::exchange::Exchange;
+use crate::paper::{Keep, Paper};
+use crate::setup::Setup;
+use crate::tried::Tried;
 use crate::willing::Willing;
 
 pub(crate) const JOB: u32 = 1;
 /// A plug-in that sends nothing for so long waits for a partner that is not there.
 const PATIENCE: Micros = Micros::from_secs(3_600);
-
-/// What is tried, but for the program.
-#[derive(Copy, Clone, Debug)]
-pub struct Setup<'a> {
-    /// What the plug-in says of itself.
-    pub manifest: &'a Manifest,
-    /// A value for each of its settings.
-    pub settings: &'a SettingValues,
-    /// The line. Its rate is not 0.
-    pub line: LineParameters,
-    /// Characters that the port holds ahead of the wire, at most; 1 or more.
-    pub depth: u32,
-    /// The kind of job, by its place in the manifest.
-    pub job_kind: u16,
-    /// The job's fields as value records.
-    pub records: &'a [u8],
-    /// The same fields as texts, each with its name.
-    pub fields: &'a [(&'a str, &'a str)],
-}
-
-impl<'a> Setup<'a> {
-    /// The manifest's first kind of job without fields, on a port that holds one character.
-    pub fn new(manifest: &'a Manifest, settings: &'a SettingValues, line: LineParameters) -> Self {
-        Self { manifest, settings, line, depth: 1, job_kind: 0, records: &[], fields: &[] }
-    }
-
-    /// The fields as value records, but for those that say where in the program to begin: they
-    /// belong to the program as a whole.
-    pub(crate) fn records_from_its_start(&self) -> Vec<u8> {
-        let fields = self.fields.iter().copied().filter(|(name, _)| !is_beginning(name));
-        let kind = self.manifest.jobs.get(usize::from(self.job_kind));
-        let records = kind.and_then(|kind| kind.records(fields).ok());
-        records.unwrap_or_else(|| self.records.to_vec())
-    }
-
-    pub(crate) fn field(&self, name: &str) -> Option<&'a str> {
-        self.fields.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)
-    }
-}
-
-/// Whether a field of a job says where in its program it begins, as `from_block` does.
-///
-/// ```
-/// assert!(softplug_trial::is_beginning("from_sequence"));
-/// assert!(!softplug_trial::is_beginning("preamble"));
-/// ```
-pub fn is_beginning(field: &str) -> bool {
-    field.starts_with("from_")
-}
 
 /// A plug-in on its line with a partner that wants what it sends. It makes a new instance for each
 /// run; nothing else is touched.
@@ -94,80 +45,6 @@ pub struct Trial<'a, F> {
     pub(crate) setup: Setup<'a>,
     instantiate: F,
     pub(crate) budget: Budget,
-}
-
-/// What came of it.
-#[derive(Debug)]
-pub struct Tried {
-    /// `None`: the plug-in waits for something that only a real partner sends.
-    pub end: Option<End>,
-    /// Bytes of the program that were taken.
-    pub supplied: u64,
-    /// What was on the wire.
-    pub wire: Vec<u8>,
-    /// What was said both ways; empty if the protocol is no dialogue.
-    pub dialogue: Vec<(Side, Vec<u8>)>,
-    /// Bytes that answered the job.
-    pub answered: u64,
-    /// How long it took on the line.
-    pub took: Micros,
-    /// What the plug-in said of it.
-    pub notes: Vec<Note>,
-    /// The lathe that took its pulses, if that is what the program is.
-    pub lathe: Option<Box<Lathe>>,
-}
-
-/// How a job ended.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub enum End {
-    /// All of it was sent.
-    Done,
-    /// The plug-in failed it.
-    Failed {
-        /// Why.
-        failure: Failure,
-        /// The protocol's own code of it; 0 without one.
-        status: u16,
-    },
-    /// The plug-in looked at the program, and sends nothing of it.
-    CheckFailed {
-        /// Why.
-        failure: Failure,
-        /// The protocol's own code of it; 0 without one.
-        status: u16,
-        /// The line, counted from 1; 0 is unknown.
-        line: u32,
-        /// The column, counted from 1; 0 is unknown.
-        column: u32,
-    },
-}
-
-/// Something that a plug-in said.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Note {
-    /// How grave it is.
-    pub level: NoteLevel,
-    /// The plug-in's own number of it.
-    pub code: u16,
-    /// Its text.
-    pub text: String,
-}
-
-impl End {
-    fn is_unanswered(&self) -> bool {
-        let unanswered = [Failure::NoAnswer, Failure::AttemptsUsedUp];
-        matches!(self, Self::Failed { failure, .. } if unanswered.contains(failure))
-    }
-}
-
-/// What is kept of a run.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(crate) enum Keep {
-    /// How it ended.
-    Nothing,
-    /// Also what was on the wire.
-    Wire,
-    All,
 }
 
 impl<'a, F, I, E> Trial<'a, F>

@@ -14,10 +14,8 @@ use crate::blockwise::Blockwise;
 use crate::error::PartnerError;
 use crate::exchange::{Exchange, Side};
 use crate::settings::Set;
-use crate::trial::Setup;
+use crate::setup::{BEGIN, Setup};
 
-/// When the partner does its first thing: the job has begun then.
-pub(crate) const BEGIN: Micros = Micros::from_millis(10);
 /// Most bytes of an area of memory that a job can read: 65,535 words behind word 255.
 const AREA_BYTES: usize = (65_535 + 256) * 2;
 

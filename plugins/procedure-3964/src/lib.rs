@@ -13,7 +13,6 @@ mod phase;
 mod procedure;
 mod queue;
 mod receiver;
-mod rk512;
 mod sender;
 mod settings;
 

@@ -1,14 +1,18 @@
 //! The state machine that sender and receiver share: one character, one mark or
 //! one timer at a time.
 
+mod rk512;
+
+pub(crate) use rk512::LARGEST_DATA;
+
 use crate::cause::*;
 use crate::departure::Departure;
 use crate::frame::{DLE, Decoder, Encoder, NAK, STX};
 use crate::job::{BLOCK, Job, Stage};
 use crate::phase::Phase;
 use crate::queue::{Meant, Runs};
-use crate::rk512::{LARGEST_TELEGRAM, Rk512, timeout_at};
 use crate::{Layer, Options, Priority};
+use rk512::{LARGEST_TELEGRAM, Rk512, timeout_at};
 use softplug_plugin::parts::{Block, TimerName, Timers};
 use softplug_plugin::{
     Context, LineErrorKind, MarkState, Micros, NoteLevel, Opening, State, Unread, timers,

@@ -2,9 +2,8 @@
 
 use crate::cause::*;
 use crate::frame::{DLE, NAK, STX, Step};
-use crate::machine::{Machine, NEVER, after};
+use crate::machine::{LARGEST_DATA, Machine, NEVER, after};
 use crate::phase::Phase;
-use crate::rk512::LARGEST_DATA;
 use crate::{Layer, frame::Decoder};
 use softplug_plugin::Context;
 

@@ -1,12 +1,14 @@
 //! All machines that can be asked for.
 
+mod known;
+
 use std::fs::{self, File};
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use crate::error::{FolderError, MachineError};
-use crate::known::KNOWN;
-use crate::machine::{MOST_FILE_BYTES, Machine};
+use crate::limits::MOST_FILE_BYTES;
+use crate::machine::Machine;
 
 /// Machines by their names.
 ///
@@ -21,7 +23,7 @@ impl Catalogue {
     /// The machines that come with Softplug.
     pub fn known() -> Self {
         let mut catalogue = Self::default();
-        for text in KNOWN {
+        for text in known::KNOWN {
             catalogue.add(Machine::parse(text).expect("a test reads each of them"));
         }
         catalogue

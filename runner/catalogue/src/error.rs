@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::machine::{MOST_FILE_BYTES, MOST_NAME, MOST_TEXT};
+use crate::limits::{MOST_FILE_BYTES, MOST_NAME, MOST_TEXT};
 
 /// A text that is no machine. Prints as one sentence.
 #[derive(Clone, PartialEq, Eq, Debug, Error)]

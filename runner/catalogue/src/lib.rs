@@ -18,13 +18,12 @@
 
 mod catalogue;
 mod error;
-mod known;
+mod limits;
 mod machine;
 mod names;
 
 pub use catalogue::Catalogue;
 pub use error::{FolderError, MachineError, NotationError};
-pub use machine::{
-    AtControl, Flow, MOST_FILE_BYTES, MOST_TEXT, Machine, ProgramNames, Remark, Source,
-};
+pub use limits::{MOST_FILE_BYTES, MOST_TEXT};
+pub use machine::{AtControl, Flow, Machine, ProgramNames, Remark, Source};
 pub use names::{HEAD_BYTES, KNOWN_NOTATIONS, Notation, Notations, is_same_program};

@@ -4,14 +4,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use crate::error::MachineError;
+use crate::limits::{MOST_FILE_BYTES, MOST_NAME, MOST_TEXT};
 use crate::names::{Notation, Notations};
-
-/// Most bytes of a file that are read. Longer ones are refused before they are parsed.
-pub const MOST_FILE_BYTES: usize = 64 << 10;
-/// Most bytes of a text that is shown.
-pub const MOST_TEXT: usize = 500;
-/// Most characters of a name.
-pub(crate) const MOST_NAME: usize = 40;
 
 /// A machine as its file has it.
 ///

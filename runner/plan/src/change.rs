@@ -12,8 +12,9 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::limits::{LEAST_RATE, MOST_BUFFER, MOST_RATE};
 use crate::model::Model;
-use crate::shop::{LEAST_RATE, MOST_BUFFER, MOST_RATE, Machine, Shop};
+use crate::shop::{Machine, Shop};
 use crate::span;
 
 /// What is changed.

@@ -4,7 +4,7 @@ use std::fmt;
 
 use thiserror::Error;
 
-use crate::shop::{MOST_MACHINES, MOST_NAME};
+use crate::limits::{MOST_MACHINES, MOST_NAME};
 
 /// A place in `shop.toml`.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

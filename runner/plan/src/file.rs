@@ -6,9 +6,10 @@ use serde::Deserialize;
 use toml::{Spanned, Value};
 
 use crate::error::{Place, ShopError, Wrong};
+use crate::limits::{DEFAULT_MARGIN, MOST_SWITCH};
 use crate::shop::{
-    BUFFER, Bus, COUNT, DEFAULT_MARGIN, MOST_SWITCH, Machine, SWITCH_NEEDS, Shop, WholeRange,
-    check_bus, check_machine, check_together, number,
+    BUFFER, Bus, COUNT, Machine, SWITCH_NEEDS, Shop, WholeRange, check_bus, check_machine,
+    check_together, number,
 };
 use crate::span::{self, NoSpan};
 

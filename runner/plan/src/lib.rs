@@ -52,6 +52,7 @@
 mod change;
 mod error;
 mod file;
+mod limits;
 mod measured;
 mod model;
 mod picture;
@@ -65,12 +66,13 @@ pub mod span;
 pub use change::{Change, Parameter};
 pub use error::{Place, ShopError, Wrong};
 pub use file::MOST_FILE_BYTES;
+pub use limits::{
+    DEFAULT_MARGIN, LEAST_RATE, MOST_BUFFER, MOST_MACHINES, MOST_MARGIN, MOST_NAME, MOST_RATE,
+    MOST_SWITCH,
+};
 pub use measured::{Measured, Taken};
 pub use picture::{picture, picture_of};
 pub use planning::{BusPlan, MachinePlan, Plan, Service, plan};
 pub use pulses::{PulseBudget, Pulses};
-pub use shop::{
-    Bus, DEFAULT_MARGIN, LEAST_RATE, MOST_BUFFER, MOST_MACHINES, MOST_MARGIN, MOST_NAME, MOST_RATE,
-    MOST_SWITCH, Machine, Shop,
-};
+pub use shop::{Bus, Machine, Shop};
 pub use simulation::{Discipline, Dry, MachineOutcome, Options, Outcome, Sample, Start, simulate};

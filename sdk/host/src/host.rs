@@ -1,8 +1,6 @@
 //! The host: an engine, its limits and its cache.
 
 #[cfg(feature = "wasmtime")]
-use crate::compiler::CompilerProcess;
-#[cfg(feature = "wasmtime")]
 use crate::engine::EngineError;
 #[cfg(feature = "interpreter")]
 use crate::engine::Interpreter;
@@ -10,6 +8,8 @@ use crate::engine::Interpreter;
 use crate::engine::Wasmi;
 #[cfg(feature = "wasmtime")]
 use crate::engine::Wasmtime;
+#[cfg(feature = "wasmtime")]
+use crate::engine::compiler::CompilerProcess;
 use crate::engine::{Engine, EngineKind, NotLoaded};
 use crate::plugin::Plugin;
 use crate::{Digest, EngineInfo, LoadError, files, lint};
@@ -134,7 +134,7 @@ impl Host {
         let inspection = lint(wasm)?;
         let (compiled, origin) =
             self.inner.engine.load(wasm, inspection.digest).map_err(NotLoaded::into_error)?;
-        Ok(Plugin::new(compiled, inspection, origin, &self.inner.options))
+        Ok(Plugin::new(compiled, inspection, origin, self.inner.options.fuel_per_event))
     }
 
     /// Compiles `instrumented` as the code of the plug-in `wasm`: the same module with
@@ -165,7 +165,7 @@ impl Host {
         let inspection = lint(wasm)?;
         let loaded = self.inner.engine.load(instrumented, Digest::of(instrumented));
         let (compiled, origin) = loaded.map_err(NotLoaded::into_error)?;
-        Ok(Plugin::new(compiled, inspection, origin, &self.inner.options))
+        Ok(Plugin::new(compiled, inspection, origin, self.inner.options.fuel_per_event))
     }
 
     /// Breaks off what a [compiler's process](HostOptions::compiler) has under way, and all later

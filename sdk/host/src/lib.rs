@@ -30,10 +30,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-#[cfg(feature = "wasmtime")]
-mod cache;
-#[cfg(feature = "wasmtime")]
-pub mod compiler;
 mod digest;
 mod engine;
 mod fault;
@@ -51,10 +47,12 @@ compile_error!(
 );
 
 pub use digest::{Digest, NotADigest};
-pub use engine::{EngineInfo, EngineKind};
+#[cfg(feature = "wasmtime")]
+pub use engine::compiler;
+pub use engine::{EngineInfo, EngineKind, Origin};
 pub use fault::{LoadError, Misbehaviour, SessionFault};
 pub use host::{Host, HostOptions, read_module};
 pub use lint::{Inspection, LintError, MemoryMaximum, SIGNATURE_MAILBOX, SIGNATURE_STEP, lint};
-pub use plugin::{Origin, Plugin};
+pub use plugin::Plugin;
 pub use session::Session;
 pub use state::SavedState;

@@ -1,34 +1,10 @@
 //! A plug-in that was checked and compiled: the mould for sessions.
 
 use crate::engine::{Compiled, Running, StartError, Stop};
-use crate::session::Session;
-use crate::{Digest, HostOptions, Inspection, LoadError};
+use crate::{Digest, Inspection, LoadError, Origin};
 use softplug_abi::Mailbox;
 use softplug_abi::manifest::Manifest;
 use std::sync::Arc;
-
-/// Where a plug-in's code came from.
-///
-/// ```
-/// use softplug_host::{Host, HostOptions, Origin};
-///
-/// # #[cfg(all(unix, feature = "wasmtime"))] {
-/// # let folder = tempfile::tempdir()?;
-/// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
-/// let cache = Some(folder.path().join("compiled"));
-/// let host = Host::new(HostOptions { cache, ..HostOptions::default() })?;
-/// assert_eq!(host.load_bytes(&wasm)?.origin(), Origin::Compiled);
-/// assert_eq!(host.load_bytes(&wasm)?.origin(), Origin::Cache);
-/// # }
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub enum Origin {
-    /// It was compiled at this load.
-    Compiled,
-    /// It was in the cache.
-    Cache,
-}
 
 /// A compiled plug-in. Clones share the code.
 ///
@@ -62,9 +38,8 @@ impl Plugin {
         compiled: Box<dyn Compiled>,
         inspection: Inspection,
         origin: Origin,
-        options: &HostOptions,
+        fuel_per_event: u64,
     ) -> Self {
-        let fuel_per_event = options.fuel_per_event;
         Self { inner: Arc::new(Inner { compiled, inspection, origin, fuel_per_event }) }
     }
 
@@ -88,18 +63,20 @@ impl Plugin {
         self.inner.origin
     }
 
-    /// A new instance with its own memory. Takes microseconds.
-    ///
-    /// # Errors
-    /// The plug-in cannot be instantiated, or its mailbox is not as the ABI says.
-    pub fn instantiate(&self) -> Result<Session, LoadError> {
+    /// Units of fuel for one event.
+    pub(crate) fn fuel_per_event(&self) -> u64 {
+        self.inner.fuel_per_event
+    }
+
+    /// A new instance, and where its mailbox is.
+    pub(crate) fn start(&self) -> Result<(Box<dyn Running>, Mailbox), LoadError> {
         let mut running = self.inner.compiled.instantiate().map_err(|error| match error {
             #[cfg(feature = "wasmtime")]
             StartError::PoolExhausted { limit } => LoadError::TooManyInstances { limit },
             StartError::Other(reason) => LoadError::Instantiate { reason },
         })?;
         let mailbox = self.mailbox(running.as_mut())?;
-        Ok(Session::new(self.clone(), running, mailbox, self.inner.fuel_per_event))
+        Ok((running, mailbox))
     }
 
     fn mailbox(&self, running: &mut dyn Running) -> Result<Mailbox, LoadError> {

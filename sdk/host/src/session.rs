@@ -1,7 +1,7 @@
 //! A session: one running plug-in that takes events.
 
 use crate::engine::{Running, Stepped, Stop};
-use crate::{Misbehaviour, Plugin, SessionFault, words};
+use crate::{LoadError, Misbehaviour, Plugin, SessionFault, words};
 use softplug_abi::limits::OUTPUT_ROUNDS;
 use softplug_abi::{
     Event, EventKind, Instance, MORE_OUTPUT, Mailbox, Micros, Output, Refusal, Region,
@@ -54,17 +54,26 @@ struct Fuel {
     largest: u64,
 }
 
-impl Session {
-    pub(crate) fn new(
-        plugin: Plugin,
-        running: Box<dyn Running>,
-        mailbox: Mailbox,
-        fuel_per_event: u64,
-    ) -> Self {
-        let fuel = Fuel::default();
-        Self { plugin, running, mailbox, fuel_per_event, fuel, rounds: 0, fault: None }
+impl Plugin {
+    /// A new instance with its own memory. Takes microseconds.
+    ///
+    /// # Errors
+    /// The plug-in cannot be instantiated, or its mailbox is not as the ABI says.
+    pub fn instantiate(&self) -> Result<Session, LoadError> {
+        let (running, mailbox) = self.start()?;
+        Ok(Session {
+            plugin: self.clone(),
+            running,
+            mailbox,
+            fuel_per_event: self.fuel_per_event(),
+            fuel: Fuel::default(),
+            rounds: 0,
+            fault: None,
+        })
     }
+}
 
+impl Session {
     /// The plug-in of which this is an instance.
     pub fn plugin(&self) -> &Plugin {
         &self.plugin

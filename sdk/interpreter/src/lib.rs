@@ -30,6 +30,7 @@
 extern crate alloc;
 
 mod float;
+mod invalid;
 mod load;
 mod machine;
 mod module;
@@ -37,11 +38,13 @@ mod opcode;
 mod reader;
 mod run;
 mod session;
+mod tables;
 mod trap;
 mod validate;
 
-pub use load::{Invalid, InvalidReason};
+pub use invalid::{Invalid, InvalidReason};
 pub use machine::{Machine, Room, StartError};
-pub use module::{Function, Module, ValueType, custom_section};
+pub use module::{Function, Module, custom_section};
 pub use session::{Session, SessionFault};
+pub use tables::ValueType;
 pub use trap::Trap;

@@ -1,9 +1,10 @@
 //! A module that runs, from outside: the room that it has, its start, and calls of its functions.
 
 use crate::load;
-use crate::module::{Function, Module, Tables, ValueType};
+use crate::module::{Function, Module};
 use crate::reader::Reader;
 use crate::run::{State, run};
+use crate::tables::{Tables, ValueType};
 use crate::trap::Trap;
 use alloc::sync::Arc;
 use alloc::vec::Vec;

@@ -1,6 +1,6 @@
 //! Reading the parts of a module, before any of it runs.
 
-use crate::load::{Invalid, InvalidReason};
+use crate::invalid::{Invalid, InvalidReason};
 use core::ops::Range;
 
 /// A place in a module, and where the part that is read ends.

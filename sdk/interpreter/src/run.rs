@@ -1,8 +1,8 @@
 //! The loop that runs a module on its own bytes.
 
 use crate::float;
-use crate::module::{Body, Branch, Tables};
 use crate::opcode::*;
+use crate::tables::{Body, Branch, Tables};
 use crate::trap::Trap;
 use alloc::vec::Vec;
 

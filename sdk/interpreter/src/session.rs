@@ -1,7 +1,8 @@
 //! A plug-in that runs here: the ABI's mailbox, one event a call.
 
 use crate::machine::{Machine, Room, StartError};
-use crate::module::{Function, Module, ValueType};
+use crate::module::{Function, Module};
+use crate::tables::ValueType;
 use crate::trap::Trap;
 use alloc::string::String;
 use alloc::sync::Arc;

@@ -1,10 +1,10 @@
 //! Validation of a function's code, as the appendix of WebAssembly's specification has it, and the list
 //! of where its branches go.
 
-use crate::load::{Invalid, InvalidReason as Reason};
-use crate::module::{Branch, Tables, ValueType};
+use crate::invalid::{Invalid, InvalidReason as Reason};
 use crate::opcode::*;
 use crate::reader::Reader;
+use crate::tables::{Branch, Tables, ValueType};
 use ValueType::{F32, F64, I32, I64};
 use alloc::vec::Vec;
 use softplug_abi::limits::NESTING;

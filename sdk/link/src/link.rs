@@ -1,14 +1,31 @@
 //! One link: a plug-in, its transmit queue, its timers, its job. What comes from
 //! the line is in `input`, what the host asks for in `requests`.
 
+mod input;
+mod probation;
+mod replace;
+mod requests;
+mod saving;
+mod seat;
+mod swap;
+mod under_way;
+
+pub use probation::Reverted;
+pub use saving::SavedState;
+pub(crate) use saving::saved_by;
+pub use seat::Spare;
+pub(crate) use seat::give_quiet;
+pub use swap::{Successor, SwapError};
+pub use under_way::UnderWay;
+
 use crate::core::{Answering, Core, HoldState};
 use crate::fault::{LinkFault, RuleBroken};
-use crate::probation::{Probation, Reverted};
 use crate::queue::Taken;
-use crate::{LinkHost, Supply, UnderWay};
+use crate::{LinkHost, Supply};
 use alloc::boxed::Box;
 use alloc::vec;
 use core::hash::{Hash, Hasher};
+use probation::Probation;
 use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Actions, Event, Instance, LineParameters, LinkDownReason, Micros, ModemLines};

@@ -4,8 +4,7 @@
 use crate::core::{Answering, Core};
 use crate::fault::LinkFault;
 use crate::job::{ActiveJob, Job};
-use crate::saving::saved_by;
-use crate::swap::give_quiet;
+use crate::link::{give_quiet, saved_by};
 use crate::{Link, LinkHost, LinkOptions, UnderWay};
 use alloc::vec::Vec;
 use softplug_abi::{Event, Instance, MarkState, Micros};

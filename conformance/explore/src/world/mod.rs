@@ -12,15 +12,13 @@ use crate::instance::Shared;
 use crate::log::Log;
 use crate::partner::Partner;
 use crate::promise::{Breach, STX, Wrong};
-use crate::scenario::Scenario;
+use crate::scenario::{BEGIN, Scenario};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros};
 use softplug_models::{Given, HostRequest, LineInput, Step};
 use std::collections::VecDeque;
 use std::hash::Hash;
 use std::sync::Arc;
 
-/// When the links are opened.
-pub(crate) const BEGIN: Micros = Micros(1_000_000);
 /// How long a character that comes too late comes after the timer; what the host asks for, and a
 /// character that nobody sent, behind what happened; and a second copy behind the first. Within one
 /// instant there would be an order that no trace can say.

@@ -47,11 +47,10 @@ use crate::uart::{Sort, Uart, UartOptions};
 use crate::{Partner, Signal};
 
 pub use self::options::{
-    CharacterSet, Dc4, Eob, FeedHold, Feeding, Interface, Options, OptionsError, Parity, Press,
-    PunchOptions, RemoteOptions, TvCheck, eight_none_two, seven_even_two,
+    CharacterSet, Code, Dc4, Eob, FeedHold, Feeding, Interface, Options, OptionsError, Parity,
+    Press, PunchOptions, RemoteOptions, TvCheck, eight_none_two, seven_even_two,
 };
 pub use self::report::{Alarm, AlarmKind, RemoteReport, Report, Starvation};
-pub use self::tape::Code;
 
 const DC1: u8 = 0x11;
 const DC2: u8 = 0x12;

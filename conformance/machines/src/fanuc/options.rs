@@ -2,7 +2,6 @@
 
 use softplug_abi::{LineErrorKind, LineParameters, Micros};
 
-use super::tape::Code;
 use crate::kept::Keep;
 
 /// Settings of a [`Control`](super::Control).
@@ -93,6 +92,28 @@ pub enum Interface {
     RemoteA,
     /// Remote buffer, protocol B: as the reader, but patient after DC3.
     RemoteB,
+}
+
+/// A code of the tape.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_machines::fanuc::{Code, Control, Options, Press, eight_none_two};
+///
+/// let (line, code) = (eight_none_two(0), Code::Eia);
+/// let mut control = Control::new(Options { line, code, ..Options::default() })?;
+/// control.press(Micros::ZERO, Press::Punch(b"O36\n".to_vec()));
+/// let punched: Vec<u8> = std::iter::from_fn(|| control.poll_transmit(Micros::ZERO)).collect();
+/// // Between DC2 and DC4: `%` is 0B, the end of a block 80, and the rest is the program.
+/// assert_eq!(punched[1..9], [0x0B, 0x80, 0x46, 0x13, 0x16, 0x80, 0x0B, 0x80]);
+/// # Ok::<(), softplug_machines::fanuc::OptionsError>(())
+/// ```
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum Code {
+    /// Seven bits and even parity.
+    Iso,
+    /// Eight channels, an odd number of holes.
+    Eia,
 }
 
 /// Where the parity of ISO is.

@@ -2,8 +2,8 @@
 
 use softplug_abi::Micros;
 
-use super::options::{Dc4, Options};
-use super::tape::{Code, Tape, with_even_parity};
+use super::options::{Code, Dc4, Options};
+use super::tape::{Tape, with_even_parity};
 use super::{DC4, Role};
 
 /// One punch, from DC2 to its end.

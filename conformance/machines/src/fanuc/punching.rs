@@ -2,9 +2,9 @@
 
 use softplug_abi::{LineErrorKind, Micros, ModemLines};
 
-use super::options::Parity;
+use super::options::{Code, Parity};
 use super::punch::Punch;
-use super::tape::{Code, Tape};
+use super::tape::Tape;
 use super::{Control, DC1, DC2, DC3, Mode, Press, Role, Signal};
 
 impl Control {

@@ -1,8 +1,8 @@
 //! The tape reader: label skip, significant part, TH and TV.
 
-use super::options::{Options, TvCheck};
+use super::options::{Code, Options, TvCheck};
 use super::report::AlarmKind;
-use super::tape::{Code, Meaning, Tape};
+use super::tape::{Meaning, Tape};
 
 /// What a character did to the reading.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]

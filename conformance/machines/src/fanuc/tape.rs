@@ -1,28 +1,6 @@
 //! The two codes of a punched tape, ISO and EIA, as this control reads and punches them.
 
-use super::options::{CharacterSet, Eob, Options, Parity};
-
-/// A code of the tape.
-///
-/// ```
-/// use softplug_abi::Micros;
-/// use softplug_machines::fanuc::{Code, Control, Options, Press, eight_none_two};
-///
-/// let (line, code) = (eight_none_two(0), Code::Eia);
-/// let mut control = Control::new(Options { line, code, ..Options::default() })?;
-/// control.press(Micros::ZERO, Press::Punch(b"O36\n".to_vec()));
-/// let punched: Vec<u8> = std::iter::from_fn(|| control.poll_transmit(Micros::ZERO)).collect();
-/// // Between DC2 and DC4: `%` is 0B, the end of a block 80, and the rest is the program.
-/// assert_eq!(punched[1..9], [0x0B, 0x80, 0x46, 0x13, 0x16, 0x80, 0x0B, 0x80]);
-/// # Ok::<(), softplug_machines::fanuc::OptionsError>(())
-/// ```
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub enum Code {
-    /// Seven bits and even parity.
-    Iso,
-    /// Eight channels, an odd number of holes.
-    Eia,
-}
+use super::options::{CharacterSet, Code, Eob, Options, Parity};
 
 /// What a character on the line is to the reader.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]

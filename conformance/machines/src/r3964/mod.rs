@@ -37,7 +37,6 @@ use softplug_abi::{LineErrorKind, Micros};
 
 use self::faults::Schedule;
 use self::frame::NAK;
-use self::procedure::State;
 use self::receiver::Reception;
 use self::sender::Job;
 use self::transmitter::{Item, Role, Transmitter};
@@ -89,6 +88,32 @@ pub struct Station {
     answer_left: Micros,
     report: Report,
     now: Micros,
+}
+
+/// Where a station stands.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+enum State {
+    Idle,
+    /// Stray characters came: ZVZ of silence, then NAK.
+    Garbage,
+    /// STX is on its way or has left: DLE within QVZ.
+    Connecting,
+    /// The block is leaving.
+    Sending,
+    /// The block was stopped by a stray character: ZVZ of silence, NAK, STX.
+    Clearing,
+    /// The block has left: DLE within QVZ.
+    AwaitingEnd,
+    /// STX came and there is no buffer.
+    AwaitingBuffer,
+    /// DLE for an STX has not left yet.
+    Answering,
+    /// The next character of the block within ZVZ.
+    Receiving,
+    /// A bad block was answered by NAK: STX within BWZ.
+    AwaitingRepeat,
+    /// Deaf and dumb on purpose.
+    Silent,
 }
 
 impl Station {

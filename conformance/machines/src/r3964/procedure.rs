@@ -7,33 +7,7 @@ use super::frame::{DLE, NAK, STX};
 use super::report::Error;
 use super::sender::Job;
 use super::transmitter::{Item, Role};
-use super::{Fault, Occasion, Station};
-
-/// Where a station stands.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(super) enum State {
-    Idle,
-    /// Stray characters came: ZVZ of silence, then NAK.
-    Garbage,
-    /// STX is on its way or has left: DLE within QVZ.
-    Connecting,
-    /// The block is leaving.
-    Sending,
-    /// The block was stopped by a stray character: ZVZ of silence, NAK, STX.
-    Clearing,
-    /// The block has left: DLE within QVZ.
-    AwaitingEnd,
-    /// STX came and there is no buffer.
-    AwaitingBuffer,
-    /// DLE for an STX has not left yet.
-    Answering,
-    /// The next character of the block within ZVZ.
-    Receiving,
-    /// A bad block was answered by NAK: STX within BWZ.
-    AwaitingRepeat,
-    /// Deaf and dumb on purpose.
-    Silent,
-}
+use super::{Fault, Occasion, State, Station};
 
 impl Station {
     /// A character came; `None`: it is damaged.

@@ -3,10 +3,9 @@
 use softplug_abi::Micros;
 
 use super::frame::{DLE, Frame, NAK, Progress, STX};
-use super::procedure::State;
 use super::report::{Error, Received};
 use super::transmitter::{Item, Role};
-use super::{Fault, Occasion, Station};
+use super::{Fault, Occasion, State, Station};
 
 /// A block of the other side's.
 #[derive(Debug)]

@@ -3,10 +3,9 @@
 use softplug_abi::Micros;
 
 use super::frame::{DLE, ETX, NAK, STX, encode};
-use super::procedure::State;
 use super::report::{Error, Sent};
 use super::transmitter::{Item, Role};
-use super::{Fault, Occasion, Priority, Station};
+use super::{Fault, Occasion, Priority, State, Station};
 
 /// A block of our own.
 #[derive(Debug)]

@@ -2,7 +2,7 @@
 
 use super::awaited::{Awaited, Due};
 use super::job::{Job, Stage};
-use super::serve::{Request, Series};
+use super::series::{Request, Series};
 use super::ways::{Wayfarer, Ways};
 use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model};
 use crate::r3964::Station;

@@ -1,11 +1,12 @@
 //! RK512 on top of 3964R or 3964, as the page tells it.
 //!
 //! A [`Layer`] stands on the station of [`r3964`](crate::r3964): blocks go down, and
-//! telegrams come up. `job` has what it does with SEND and FETCH of the host, `serve`
+//! telegrams come up. `commands` has what it does with SEND and FETCH of the host, `serve`
 //! with those of the partner. Where the page leaves a choice the model goes all
 //! [`ways`] until it sees which one the plug-in went.
 
 mod awaited;
+mod commands;
 mod fields;
 mod job;
 mod layer;
@@ -13,6 +14,7 @@ mod procedure;
 mod profile;
 mod propose;
 mod reactions;
+mod series;
 mod serve;
 mod telegram;
 mod ways;

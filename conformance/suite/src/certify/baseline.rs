@@ -1,7 +1,7 @@
 //! Baselines: failures that are known and expected. Each entry must fail, for its reason.
 
 use crate::given::file_error::{FileError, read_toml};
-use crate::given::load::read_text;
+use crate::given::read::read_text;
 use crate::run::class::Class;
 use data_encoding::HEXLOWER;
 use serde::Deserialize;

@@ -1,7 +1,7 @@
 //! The two engines, and a module in both.
 
 use super::error::CertifyError;
-use crate::given::load::Case;
+use crate::given::case::Case;
 use crate::judge::run::Judge;
 use crate::run::class::Class;
 use crate::run::fault::FaultClass;

@@ -5,7 +5,7 @@ use super::error::CertifyError;
 use super::options::{CertifyOptions, Progress};
 use super::plan::{Fate, Plan};
 use crate::corpus::{Listed, Source};
-use crate::given::load::Case;
+use crate::given::case::Case;
 use crate::judge::divergence::Divergence;
 use crate::judge::run::{Judge, Start, assess, pure};
 use crate::judge::verdict::Failure;

@@ -4,7 +4,7 @@ use super::engines::Engines;
 use super::error::CertifyError;
 use super::options::CertifyOptions;
 use crate::corpus::{Corpus, Source};
-use crate::given::load::Case;
+use crate::given::case::Case;
 use crate::judge::run::Judge;
 use crate::random::SessionGroup;
 use crate::run::permute::Permutation;

@@ -2,10 +2,13 @@
 //! stand in a folder.
 
 pub mod lint;
+#[cfg(feature = "wasmtime")]
+mod sessions;
 
+use crate::given::case::Case;
 use crate::given::file_error::FileError;
 use crate::given::ledger::Ledger;
-use crate::given::load::{Case, LoadError};
+use crate::given::load::LoadError;
 use crate::given::neighbours::{find_long, find_neighbours};
 use crate::mutants::Matrix;
 use crate::random::SessionGroup;

@@ -1,7 +1,7 @@
 //! A way that an exploration found, as traces: one for each plug-in on it.
 
+use crate::given::case::Case;
 use crate::given::lines::{assignments, entry, line_settings};
-use crate::given::load::Case;
 use crate::judge::run::{Filter, Judge, run_all};
 use crate::judge::verdict::Verdict;
 use crate::random::given_as;

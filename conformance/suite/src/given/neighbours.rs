@@ -1,6 +1,6 @@
 //! Which cases may stand behind each other on one open link.
 
-use super::load::Case;
+use super::case::Case;
 use sha2::{Digest as _, Sha256};
 use softplug_trace::{Expected, FrontMatter, HostRequest, LineEvent, Trace, What};
 use std::collections::{BTreeMap, BTreeSet};

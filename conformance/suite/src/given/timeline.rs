@@ -1,8 +1,8 @@
 //! What a plug-in is given in one run of a trace, each at its time.
 
+use super::case::Case;
 use super::fields::records;
 use super::lines::{bad_kind, down_reason, line_error, line_parameters, modem_lines};
-use super::load::Case;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Failure, LineErrorKind, LinkDownReason, Micros, ModemLines};
 use softplug_link::Job;

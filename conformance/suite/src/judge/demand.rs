@@ -1,8 +1,8 @@
 //! What a trace demands of a plug-in, line by line.
 
+use crate::given::case::Case;
 use crate::given::fields::records;
 use crate::given::lines::modem_lines;
-use crate::given::load::Case;
 use crate::given::timeline::{TimelineError, failure, micros};
 use crate::run::effect::{Delivered, Effect};
 use softplug_abi::Micros;

@@ -2,8 +2,8 @@
 
 use super::compare::Mismatch;
 use super::demand::Demand;
+use crate::given::case::Case;
 use crate::given::lines::line_parameters;
-use crate::given::load::Case;
 use crate::run::back_to_back::Run;
 use crate::run::effect::Effect;
 use crate::run::outcome::Seen;

@@ -1,7 +1,7 @@
 //! The kill matrix: which run notices which mutant. Made by running them, kept
 //! in the repository, so that it cannot shrink unseen.
 
-use super::{Catalogue, Hunt, Mutant, Scores};
+use super::{Catalogue, Hunt, Mutant};
 use crate::FileError;
 use crate::given::file_error::read_toml;
 use serde::{Deserialize, Serialize};
@@ -241,11 +241,6 @@ impl Matrix {
     pub fn to_toml(&self) -> String {
         let rows = toml::to_string(self).unwrap_or_default();
         format!("# Written by `cargo xtask mutants`; not to be edited.\n\n{rows}")
-    }
-
-    /// For people, as a page of Markdown, with the scores beside.
-    pub fn to_markdown(&self, scores: &Scores) -> String {
-        super::page::page(self, scores)
     }
 
     /// How many mutants of each clause are killed.

@@ -18,8 +18,15 @@ This page is written by `cargo xtask mutants` and compared with a new hunt in ev
 
 ";
 
+impl Matrix {
+    /// For people, as a page of Markdown, with the scores beside.
+    pub fn to_markdown(&self, scores: &Scores) -> String {
+        page(self, scores)
+    }
+}
+
 /// The page.
-pub(super) fn page(matrix: &Matrix, scores: &Scores) -> String {
+fn page(matrix: &Matrix, scores: &Scores) -> String {
     let mut text = HEAD.to_owned();
     let profiles: BTreeSet<&str> = (matrix.kills.iter().map(|row| row.profile.as_str()))
         .chain(matrix.survivors.iter().map(|row| row.profile.as_str()))

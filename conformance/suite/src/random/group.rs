@@ -5,7 +5,8 @@ use super::trace;
 use crate::given::ledger::Ledger;
 use crate::run::class::Class;
 use crate::run::fault::FaultClass;
-use crate::run::subject::{Fuel, Meter, Subject, Watched};
+use crate::run::subject::{Fuel, Subject};
+use crate::run::watched::{Meter, Watched};
 use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
 #[cfg(feature = "wasmtime")]

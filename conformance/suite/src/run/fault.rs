@@ -1,7 +1,6 @@
 //! How a replay can end before its time: faults, by class.
 
 use super::erased::Boxed;
-use super::subject::WatchedFault;
 use serde::Serialize;
 use softplug_abi::{EventKind, Micros};
 use softplug_host::SessionFault;
@@ -149,6 +148,15 @@ impl Fault {
         };
         Self::new(class, at, error)
     }
+}
+
+/// Why a watched instance did not take an event.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum WatchedFault<F: Error + 'static> {
+    #[error("it panicked: {0}")]
+    Panicked(String),
+    #[error(transparent)]
+    Instance(F),
 }
 
 /// How an instance that did not take an event has failed.

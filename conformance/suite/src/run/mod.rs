@@ -15,4 +15,5 @@ pub(crate) mod replay;
 pub(crate) mod rerun;
 pub(crate) mod subject;
 pub(crate) mod transcript;
+pub(crate) mod watched;
 pub(crate) mod way;

@@ -3,7 +3,7 @@
 use super::permute::Permutation;
 use super::replay::replay;
 use super::subject::{Fuel, Subject, SubjectError};
-use crate::given::load::Case;
+use crate::given::case::Case;
 use softplug_abi::limits::INPUT_BYTES;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Event, EventKind, Instance, Micros, Output, Refusal};

@@ -1,7 +1,7 @@
 //! Which permutations a case is run in.
 
 use super::permute::{Clock, Permutation, Rooms};
-use crate::given::load::Case;
+use crate::given::case::Case;
 use crate::given::timeline::{Timeline, TimelineError, Windows, windows};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};

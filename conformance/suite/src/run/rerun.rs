@@ -3,8 +3,9 @@
 
 use super::fault::{Fault, FaultClass};
 use super::outcome::Outcome;
-use super::subject::{Fuel, Meter, Subject, Watched};
-use crate::given::load::Case;
+use super::subject::{Fuel, Subject};
+use super::watched::{Meter, Watched};
+use crate::given::case::Case;
 use crate::given::timeline::micros;
 use softplug_abi::{Event, EventKind, Micros, Pass};
 use softplug_link::{Recorder, Rerun, UnderWay};

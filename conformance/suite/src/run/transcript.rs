@@ -3,8 +3,8 @@
 use super::back_to_back::Run;
 use super::effect::Effect;
 use super::outcome::Seen;
+use crate::given::case::Case;
 use crate::given::lines::line_parameters;
-use crate::given::load::Case;
 use crate::given::timeline::micros;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{LineParameters, Micros};

@@ -1,7 +1,7 @@
 //! A trace takes over what a plug-in was seen to do.
 
+use crate::given::case::Case;
 use crate::given::lines::line_parameters;
-use crate::given::load::Case;
 use crate::given::timeline::micros;
 use crate::judge::run::Judge;
 use crate::run::effect::Effect;

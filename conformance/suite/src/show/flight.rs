@@ -1,8 +1,8 @@
 //! A flight recording as a trace with a line: what came and what was asked for are in it, what the
 //! plug-in sent is not.
 
+use crate::given::case::Case;
 use crate::given::lines::{damage, down_reason_name, line_error_name, modem_levels};
-use crate::given::load::Case;
 use softplug_abi::manifest::{Manifest, OwnedValue, Setting};
 use softplug_abi::{
     Event, EventKind, Failure, Malformed, MalformedReason, ModemLines, Value, Values,

@@ -1,8 +1,8 @@
 //! A record of a live session becomes a case: what the partner sent stays, the plug-in is asked
 //! for what it was asked for, and what it does is taken over where it sends what was recorded.
 
+use crate::given::case::Case;
 use crate::given::lines::line_parameters;
-use crate::given::load::Case;
 use crate::given::timeline::micros;
 use crate::judge::run::Judge;
 use crate::run::effect::Effect;

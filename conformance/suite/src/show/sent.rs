@@ -1,8 +1,8 @@
 //! What stood in a trace as sent, held against what a plug-in sends: the characters and breaks
 //! alone, in their order. When they leave is the trace's matter, not whether.
 
+use crate::given::case::Case;
 use crate::given::lines::line_parameters;
-use crate::given::load::Case;
 use crate::given::timeline::micros;
 use crate::run::effect::Effect;
 use crate::run::outcome::Seen;

@@ -2,8 +2,8 @@
 //! plug-in was given and did, one moment after the other.
 
 use super::phrase::{Other, Phrase};
+use crate::given::case::Case;
 use crate::given::lines::line_parameters;
-use crate::given::load::Case;
 use crate::given::timeline::micros;
 use crate::judge::run::{Judge, Start};
 use crate::judge::verdict::Failure;

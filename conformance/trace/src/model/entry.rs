@@ -1,8 +1,6 @@
 //! The lines that mean something: what happens at a time.
 
-use std::collections::BTreeMap;
-
-use super::{Payload, When};
+use super::{Assignment, ModemLevels, Payload, Room, When};
 
 /// Something that happens, or must happen, at a time.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -65,6 +63,9 @@ pub enum What {
     /// `.`: nothing that is not listed happens until here.
     Quiet,
 }
+
+/// Not an event: what stands on the link before the first.
+pub(crate) const UNDER_WAY: &str = "under-way";
 
 /// A line of a flight recording.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -161,46 +162,6 @@ impl What {
     }
 }
 
-/// A modem line, named as on our own port.
-#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
-pub enum ModemLine {
-    /// Clear to send, an input.
-    Cts,
-    /// Data set ready, an input.
-    Dsr,
-    /// Carrier detect, an input.
-    Dcd,
-    /// Ring, an input.
-    Ri,
-    /// Request to send, an output.
-    Rts,
-    /// Data terminal ready, an output.
-    Dtr,
-}
-
-impl ModemLine {
-    /// The lines that the partner sets.
-    pub const INPUTS: &'static [Self] = &[Self::Cts, Self::Dsr, Self::Dcd, Self::Ri];
-    /// The lines that we set.
-    pub const OUTPUTS: &'static [Self] = &[Self::Rts, Self::Dtr];
-
-    /// The name in a trace.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Cts => "cts",
-            Self::Dsr => "dsr",
-            Self::Dcd => "dcd",
-            Self::Ri => "ri",
-            Self::Rts => "rts",
-            Self::Dtr => "dtr",
-        }
-    }
-}
-
-/// Modem lines and whether each is on. Lines that are not in it keep their state.
-#[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub struct ModemLevels(pub BTreeMap<ModemLine, bool>);
-
 /// Something that happens on the line or in the port.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum LineEvent {
@@ -278,15 +239,6 @@ impl LinkDownReason {
     }
 }
 
-/// `name=value`, the value as text.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Assignment {
-    /// Lower-case letters, digits, `_` and `-`, a letter first.
-    pub name: String,
-    /// Any text; what it means is up to who reads it.
-    pub value: String,
-}
-
 /// What the host asks for or says.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum HostRequest {
@@ -310,7 +262,7 @@ pub enum HostRequest {
     /// Go on although the partner holds the line.
     ForceResume,
     /// The host frees so many bytes of room.
-    Room(super::Room),
+    Room(Room),
     /// From here on deliveries are taken as they come, or not.
     Drain(Drain),
     /// A request is granted.

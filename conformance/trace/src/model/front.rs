@@ -1,6 +1,6 @@
 //! The front matter: what a case is about and the line it runs on.
 
-use super::{Assignment, ModemLevels};
+use super::{Assignment, ModemLevels, Room};
 
 /// A case's properties.
 ///
@@ -53,17 +53,6 @@ pub struct FrontMatter {
     pub leaves: String,
     /// The class that a byte of the case stands for.
     pub bytes: Option<ByteClass>,
-}
-
-impl FrontMatter {
-    /// Reads front matter that stands alone, with or without the line `---` that
-    /// ends it. What follows that line is not looked at.
-    ///
-    /// # Errors
-    /// The first fault, with its line and column.
-    pub fn parse(text: &str) -> Result<Self, crate::ParseError> {
-        crate::parse::front_matter_alone(text)
-    }
 }
 
 /// How much a clause binds.
@@ -150,15 +139,6 @@ impl Parity {
             Self::Space => 'S',
         }
     }
-}
-
-/// Room in bytes; `None` leaves it to whoever runs the case.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
-pub struct Room {
-    /// Room to transmit.
-    pub transmit: Option<u32>,
-    /// Room to deliver.
-    pub delivery: Option<u32>,
 }
 
 /// Where a case comes from.

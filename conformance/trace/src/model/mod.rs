@@ -1,18 +1,19 @@
 //! What a trace says, apart from how it is written.
 
+mod common;
 mod entry;
 mod front;
 mod payload;
 mod time;
 
+pub use common::{Assignment, ModemLevels, ModemLine, Room};
+pub(crate) use entry::UNDER_WAY;
 pub use entry::{
-    Assignment, CheckFault, DeliveryEnd, Direction, Drain, Entry, Exact, Expected, HostRequest,
-    LineErrorKind, LineEvent, LinkDownReason, ModemLevels, ModemLine, SourceLine, What,
+    CheckFault, DeliveryEnd, Direction, Drain, Entry, Exact, Expected, HostRequest, LineErrorKind,
+    LineEvent, LinkDownReason, SourceLine, What,
 };
-pub use front::{
-    ByteClass, Edge, FrontMatter, Level, LineSettings, Origin, Parity, Permutations, Room,
-};
-pub use payload::{BadKind, Digest, Files, Generator, Item, NoFiles, Payload, PayloadError, Piece};
+pub use front::{ByteClass, Edge, FrontMatter, Level, LineSettings, Origin, Parity, Permutations};
+pub use payload::{BadKind, Digest, Files, Item, NoFiles, Payload, PayloadError, Piece};
 pub use time::{Time, When};
 
 /// A case: what it is about, and what happens in it.
@@ -72,21 +73,6 @@ pub struct Alternatives {
 }
 
 impl Trace {
-    /// Reads a trace.
-    ///
-    /// # Errors
-    /// The first fault, with its line and column.
-    pub fn parse(text: &str) -> Result<Self, crate::ParseError> {
-        crate::parse::trace(text)
-    }
-
-    /// The canonical text. Parsed again it gives an equal trace, as long as the
-    /// trace came from [`Trace::parse`] or keeps the format's rules (names are
-    /// names, times are sorted, blank lines single).
-    pub fn format(&self) -> String {
-        crate::format::trace(self)
-    }
-
     /// Every entry outside alternatives, in order.
     pub fn entries(&self) -> impl Iterator<Item = &Entry> {
         self.body.iter().filter_map(Line::entry)

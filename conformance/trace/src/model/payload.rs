@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::GeneratorKind;
+use crate::generate::Generator;
 use crate::limits::ITEM_BYTES;
 
 /// A sequence of items, as the author wrote them; neighbouring hex pairs are
@@ -81,23 +81,6 @@ pub struct Digest(pub [u8; 32]);
 impl fmt::Display for Digest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
-    }
-}
-
-/// A generator's call: the same bytes for the same call, for ever.
-#[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
-pub struct Generator {
-    /// What it makes.
-    pub kind: GeneratorKind,
-    /// Where it starts.
-    pub seed: u64,
-    /// How many bytes.
-    pub length: u64,
-}
-
-impl fmt::Display for Generator {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "gen:{}({},{})", self.kind.name(), self.seed, self.length)
     }
 }
 
@@ -326,6 +309,7 @@ impl Item {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::generate::GeneratorKind;
 
     #[test]
     fn neighbouring_hex_is_one_item_and_pieces_split_at_damage() {

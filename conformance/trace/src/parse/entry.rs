@@ -13,7 +13,7 @@ use crate::error::ParseErrorKind;
 use crate::limits::BREAK_MICROS;
 use crate::model::{
     CheckFault, DeliveryEnd, Drain, Entry, Exact, Expected, HostRequest, LineErrorKind, LineEvent,
-    LinkDownReason, ModemLine, Room, SourceLine, Time, What, When,
+    LinkDownReason, ModemLine, Room, SourceLine, Time, UNDER_WAY, What, When,
 };
 
 const NOTHING_MORE: &str = "nothing more here, or an annotation after `;`";
@@ -24,9 +24,6 @@ const KIND: &str = "a kind: lower-case letters, digits, `-` and `_`";
 const CODE: &str = "a reason like no-answer";
 const STATUS: &str = "a status of 1 to 4 hex digits";
 const SENT: &str = "a number of bytes sent";
-
-/// Not an event: what stands on the link before the first.
-pub(crate) const UNDER_WAY: &str = "under-way";
 
 /// An entry that begins at `floor` or later.
 pub(super) fn entry(input: &str, floor: Time, line: u32) -> Parsed<'_, Entry> {

@@ -6,22 +6,37 @@ mod lex;
 mod payload;
 
 use crate::error::{ParseError, ParseErrorKind};
+use crate::hidden::forbidden;
 use crate::limits;
-use crate::model::{Alternatives, Direction, Entry, Item, Line, Time, Trace, tidy_blank_lines};
+use crate::model::{
+    Alternatives, Direction, Entry, FrontMatter, Item, Line, Time, Trace, tidy_blank_lines,
+};
 use front::{Front, Incomplete};
 use lex::{Fault, skip_space, slug};
 
-pub(crate) use entry::UNDER_WAY;
+impl Trace {
+    /// Reads a trace.
+    ///
+    /// # Errors
+    /// The first fault, with its line and column.
+    pub fn parse(text: &str) -> Result<Self, ParseError> {
+        trace(text)
+    }
+}
 
-/// Whether a character hides from a reviewer: controls, and marks that turn
-/// the direction of text.
-pub(crate) fn forbidden(c: char) -> bool {
-    (c.is_control() && c != '\t')
-        || matches!(c, '\u{061C}' | '\u{200B}'..='\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}' | '\u{FEFF}')
+impl FrontMatter {
+    /// Reads front matter that stands alone, with or without the line `---` that
+    /// ends it. What follows that line is not looked at.
+    ///
+    /// # Errors
+    /// The first fault, with its line and column.
+    pub fn parse(text: &str) -> Result<Self, ParseError> {
+        front_matter_alone(text)
+    }
 }
 
 /// Parses a whole file.
-pub(crate) fn trace(text: &str) -> Result<Trace, ParseError> {
+fn trace(text: &str) -> Result<Trace, ParseError> {
     if text.len() > limits::FILE_BYTES {
         return Err(Source { number: 1, text: "" }.error("", ParseErrorKind::FileTooLong));
     }
@@ -102,14 +117,14 @@ impl<'a> Lines<'a> {
 }
 
 /// Parses front matter without a body.
-pub(crate) fn front_matter_alone(text: &str) -> Result<crate::FrontMatter, ParseError> {
+fn front_matter_alone(text: &str) -> Result<FrontMatter, ParseError> {
     if text.len() > limits::FILE_BYTES {
         return Err(Source { number: 1, text: "" }.error("", ParseErrorKind::FileTooLong));
     }
     front_matter(&mut Lines { lines: text.lines(), number: 0 })
 }
 
-fn front_matter(lines: &mut Lines<'_>) -> Result<crate::FrontMatter, ParseError> {
+fn front_matter(lines: &mut Lines<'_>) -> Result<FrontMatter, ParseError> {
     let mut front = Front::default();
     let end = loop {
         match lines.next()? {

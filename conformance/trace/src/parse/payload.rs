@@ -9,9 +9,9 @@ use super::lex::{
     unknown,
 };
 use crate::error::ParseErrorKind;
-use crate::generate::GENERATORS;
+use crate::generate::{GENERATORS, Generator};
 use crate::limits::ITEM_BYTES;
-use crate::model::{BadKind, Digest, Generator, Item, Payload};
+use crate::model::{BadKind, Digest, Item, Payload};
 
 const ITEM: &str = "bytes: hex pairs like 41 42, \"text\", file:SHA256 or gen:NAME(SEED,LENGTH)";
 const DIGITS: &str = "64 hex digits of a SHA-256";

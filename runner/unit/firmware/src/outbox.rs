@@ -1,9 +1,13 @@
 //! Messages that wait until the session has room for them.
 
-use crate::unit::{FRAMES, PAYLOAD_BYTES};
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use softplug_unit_protocol::{Encode, Encoded, Session};
+
+/// Frames that may be under way to the server.
+pub(crate) const FRAMES: usize = 4;
+/// Bytes of payload of a frame, both ways.
+pub(crate) const PAYLOAD_BYTES: usize = 1_024;
 
 /// Most messages that wait. What only people read is left out beyond them.
 const MOST: usize = 16;

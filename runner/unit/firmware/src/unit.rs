@@ -7,6 +7,7 @@ use crate::frames::Frames;
 use crate::host::Host;
 use crate::lane::Lane;
 use crate::memory::Memory;
+use crate::outbox::{FRAMES, PAYLOAD_BYTES};
 use alloc::borrow::ToOwned;
 use alloc::boxed::Box;
 use alloc::string::{String, ToString};
@@ -19,10 +20,6 @@ use softplug_unit_protocol::{
 };
 use softplug_unit_slots::Trust;
 
-/// Frames that may be under way to the server.
-pub(crate) const FRAMES: usize = 4;
-/// Bytes of payload of a frame, both ways.
-pub(crate) const PAYLOAD_BYTES: usize = 1_024;
 /// The longest answer to a request, in bytes.
 const LONGEST_ANSWER: usize = 4_096;
 

@@ -4,11 +4,12 @@ use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
 
 use mio::net::TcpStream;
-use mio::{Interest, Registry};
+use mio::{Interest, Registry, Token};
 use softplug_abi::Micros;
 use softplug_unit_uplink::{TcpUplink, TlsError, TlsKeys};
 
-use crate::door::UPLINK;
+/// By this a unit is told that something has come over its uplink, or from a caller.
+pub(crate) const UPLINK: Token = Token(2);
 
 /// Who has not shown its key after this span is sent away.
 const HANDSHAKE: Micros = Micros::from_secs(5);

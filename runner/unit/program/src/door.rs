@@ -7,12 +7,11 @@ use mio::{Interest, Registry, Token};
 use softplug_abi::Micros;
 use softplug_unit_uplink::{CanAddress, CanEnd, CanUplink, TcpUplink, TlsKeys, Uplink};
 
-use crate::callers::Callers;
+use crate::callers::{Callers, UPLINK};
 use crate::config::Reach;
 use crate::error::UnitError;
 
 const LISTENER: Token = Token(1);
-pub(crate) const UPLINK: Token = Token(2);
 /// An interface that is down or not there is tried again after this span.
 const AGAIN: Micros = Micros::from_millis(500);
 

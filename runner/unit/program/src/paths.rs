@@ -9,8 +9,6 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{StatVfsMountFlags, statfs, statvfs};
 use thiserror::Error;
 
-use crate::config::MemoryConfig;
-
 /// The major number of MTD character devices.
 const MTD: u32 = 90;
 /// File systems in which nobody can make files: procfs, sysfs, devpts, cgroup, cgroup2 and debugfs.
@@ -58,15 +56,15 @@ pub(crate) fn is_same(one: &Path, other: &Path) -> bool {
     }
 }
 
-/// Whether a memory can be there, as far as that can be seen.
-pub(crate) fn hold_memory(memory: &MemoryConfig) -> Result<(), NoPlace> {
-    let found = match fs::metadata(&memory.path) {
+/// Whether a memory of so many bytes can be there, as far as that can be seen.
+pub(crate) fn hold_memory(path: &Path, size: u32) -> Result<(), NoPlace> {
+    let found = match fs::metadata(path) {
         Ok(found) => found,
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            return hold_files(meant(&memory.path).parent().unwrap_or(Path::new("/")));
+            return hold_files(meant(path).parent().unwrap_or(Path::new("/")));
         }
         Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
-            return hold_files(memory.path.parent().unwrap_or(Path::new("/")));
+            return hold_files(path.parent().unwrap_or(Path::new("/")));
         }
         Err(error) => return Err(error.into()),
     };
@@ -79,10 +77,10 @@ pub(crate) fn hold_memory(memory: &MemoryConfig) -> Result<(), NoPlace> {
         return Err(NoPlace::Kind);
     }
     // A shorter one may have been cut short while it was made.
-    if found.len() > u64::from(memory.size) {
-        return Err(NoPlace::Size { bytes: found.len(), size: memory.size });
+    if found.len() > u64::from(size) {
+        return Err(NoPlace::Size { bytes: found.len(), size });
     }
-    hold_files(meant(&memory.path).parent().unwrap_or(Path::new("/")))
+    hold_files(meant(path).parent().unwrap_or(Path::new("/")))
 }
 
 /// Whether files can be made in a folder, which is made if it is not there.
@@ -170,10 +168,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         fs::write(&file, vec![0xFF; 70_000]).unwrap();
-        let seen = |path: &Path| {
-            let memory = MemoryConfig { path: path.to_owned(), size: 65_536, most_erases: 1 };
-            hold_memory(&memory).map_err(|error| error.to_string())
-        };
+        let seen = |path: &Path| hold_memory(path, 65_536).map_err(|error| error.to_string());
         let cases = [
             (PathBuf::from("/"), "neither a file"),
             (PathBuf::from("/dev/null"), "no MTD device"),

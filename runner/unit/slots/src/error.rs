@@ -1,9 +1,9 @@
 //! Why something is not done, by who is to blame.
 
 use crate::device::Geometry;
-use crate::layout::{LEAST_ROOM, Slot};
 use crate::record::{Failure, MOST_ATTEMPTS};
-use crate::trust::Signature;
+use crate::signature::Signature;
+use crate::slot::{LEAST_ROOM, Slot};
 
 /// Why something is not done, by who is to blame. `E` is the device's own error.
 ///

@@ -1,8 +1,9 @@
 //! A slot's header: which module is in it, or on the way into it.
 
 use crate::crc::crc32;
-use crate::layout::{HEADER, Layout, Slot};
-use crate::trust::Signature;
+use crate::layout::{HEADER, Layout};
+use crate::signature::Signature;
+use crate::slot::Slot;
 
 /// The format that this crate reads and writes.
 pub const FORMAT: u16 = 1;

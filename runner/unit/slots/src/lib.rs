@@ -17,7 +17,6 @@ mod access;
 mod adapt;
 mod crc;
 mod device;
-mod download;
 mod error;
 #[cfg(feature = "std")]
 mod file;
@@ -28,23 +27,23 @@ mod mtd;
 mod ram;
 mod record;
 mod scan;
+mod signature;
+mod slot;
 mod slots;
-mod trial;
 mod trust;
 
 pub use self::adapt::{Eeprom, Flash, FlashError};
 pub use self::device::{Device, Geometry, LARGEST_GRANULE};
-pub use self::download::Begun;
 pub use self::error::{Doing, Error, Fault, Refusal, SetUpError};
 #[cfg(feature = "std")]
 pub use self::file::FileDevice;
 pub use self::header::FORMAT;
-pub use self::layout::{LEAST_ROOM, LONGEST_MODULE, Slot};
 #[cfg(all(feature = "std", target_os = "linux"))]
 pub use self::mtd::MtdDevice;
 pub use self::ram::{Misuse, Ram};
 pub use self::record::{Failure, MOST_ATTEMPTS, State};
 pub use self::scan::{Content, Held};
-pub use self::slots::{Module, Options, Slots};
-pub use self::trial::{Boot, PassedOver, Run, Unfit};
-pub use self::trust::{PAYLOAD_TYPE, Signature, ToBeSigned, Trust, key_id};
+pub use self::signature::Signature;
+pub use self::slot::{LEAST_ROOM, LONGEST_MODULE, Slot};
+pub use self::slots::{Begun, Boot, Module, Options, PassedOver, Run, Slots, Unfit};
+pub use self::trust::{PAYLOAD_TYPE, ToBeSigned, Trust, key_id};

@@ -1,10 +1,14 @@
 //! The records behind a header: what has become of the slot since.
 
 use crate::crc::crc32;
-use crate::layout::{RECORD, RECORDS};
 
 /// Times that a trial may be run at most.
 pub const MOST_ATTEMPTS: u8 = 8;
+
+/// Bytes of a record.
+pub(crate) const RECORD: usize = 16;
+/// Records behind a header.
+pub(crate) const RECORDS: u8 = 32;
 
 const CRC: usize = RECORD - 4;
 

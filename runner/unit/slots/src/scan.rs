@@ -3,8 +3,9 @@
 use crate::access;
 use crate::device::{Device, LARGEST_GRANULE};
 use crate::header::{Header, NoHeader};
-use crate::layout::{HEADER, Layout, Place, RECORD, RECORDS, Slot};
-use crate::record::{Log, Record, State};
+use crate::layout::{HEADER, Layout, Place};
+use crate::record::{Log, RECORD, RECORDS, Record, State};
+use crate::slot::Slot;
 
 /// What a slot holds, as its header and records say. Its module may be damaged all the same.
 ///

@@ -1,12 +1,19 @@
 //! The two slots of a unit: what they hold, and what is written down about it.
 
+mod download;
+mod trial;
+
+pub use self::download::Begun;
+pub use self::trial::{Boot, PassedOver, Run, Unfit};
+
+use self::download::Download;
 use crate::access;
 use crate::device::{Device, LARGEST_GRANULE};
-use crate::download::Download;
 use crate::error::{Error, Fault, Refusal, SetUpError};
-use crate::layout::{Layout, Place, RECORD, Slot};
-use crate::record::{MOST_ATTEMPTS, Record, State};
+use crate::layout::{Layout, Place};
+use crate::record::{MOST_ATTEMPTS, RECORD, Record, State};
 use crate::scan::{Content, Current, scan};
+use crate::slot::Slot;
 use crate::trust::Trust;
 
 /// Places that are tried for a record.

@@ -1,6 +1,7 @@
 //! Whose plug-ins a unit takes: digests and signatures.
 
 use crate::error::{Refusal, SetUpError};
+use crate::signature::Signature;
 use core::fmt::Write;
 use ed25519_dalek::VerifyingKey;
 use sha2::{Digest, Sha256};
@@ -11,21 +12,7 @@ pub const PAYLOAD_TYPE: &str = "application/vnd.softplug.plugin+json";
 /// How the DER form of an Ed25519 public key begins (RFC 8410); its 32 bytes follow.
 const PUBLIC_PREFIX: [u8; 12] = [0x30, 0x2A, 0x30, 5, 6, 3, 0x2B, 0x65, 0x70, 3, 0x21, 0];
 
-/// The signature that comes with a plug-in.
-///
-/// The example of [`ToBeSigned`] makes one.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub struct Signature {
-    /// The key's id, see [`key_id`]. It only says which key to try.
-    pub key: [u8; 32],
-    /// The Ed25519 signature of [`ToBeSigned`].
-    pub bytes: [u8; 64],
-}
-
 impl Signature {
-    /// Bytes of it as it is sent: the key's id, and the signature.
-    pub const BYTES: usize = 32 + 64;
-
     /// Reads it as it is sent.
     ///
     /// # Errors

@@ -17,11 +17,10 @@ mod uplink;
 mod waker;
 
 pub use can::{CanAddress, CanEnd, CanUplink, NoCanAddress};
-pub use closed::Closed;
+pub use closed::{Closed, TlsError};
 pub use keys::{NoTlsKey, TlsKeyError, TlsPrivateKey, TlsPublicKey};
 pub use outbox::Outbox;
 pub use pinned::TlsKeys;
 pub use tcp::TcpUplink;
-pub use tls::TlsError;
 pub use uplink::Uplink;
 pub use waker::waker_of;

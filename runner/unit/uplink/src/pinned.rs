@@ -19,8 +19,8 @@ use rustls::{
 };
 use thiserror::Error;
 
+use crate::closed::TlsError;
 use crate::keys::{TlsPrivateKey, TlsPublicKey};
-use crate::tls::TlsError;
 
 /// Bytes of a record, at most. It is of use only when all of it has come: on a slow network no frame is to
 /// wait for many that are behind it.

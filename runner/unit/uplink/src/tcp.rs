@@ -8,10 +8,10 @@ use mio::net::TcpStream;
 use mio::{Interest, Registry, Token};
 use softplug_unit_protocol::{LONGEST, length_of_frame};
 
-use crate::closed::Closed;
+use crate::closed::{Closed, TlsError};
 use crate::keys::TlsPublicKey;
 use crate::pinned::TlsKeys;
-use crate::tls::{TlsError, TlsStream, is_for_later, is_tls};
+use crate::tls::{TlsStream, is_for_later, is_tls};
 
 /// Bytes that wait to be sent, past which there is no room for more frames.
 const WAITING: usize = 64 * LONGEST;

@@ -5,52 +5,11 @@ use std::io::{self, Read as _, Write as _};
 use std::sync::Arc;
 
 use mio::net::TcpStream;
-use rustls::{Connection, Error};
-use thiserror::Error;
+use rustls::Connection;
 
-use crate::closed::Closed;
+use crate::closed::{Closed, TlsError};
 use crate::keys::TlsPublicKey;
 use crate::pinned::{Pinned, TlsKeys};
-
-/// Why TLS with the other side came to nothing.
-#[derive(Debug, Error)]
-pub enum TlsError {
-    /// It has another key.
-    #[error("the other side has the key {got}, and not {expected}")]
-    OtherKey {
-        /// What it has.
-        got: TlsPublicKey,
-        /// What is expected; several, with commas.
-        expected: String,
-    },
-    /// It has a key or a certificate of another kind.
-    #[error("the other side has no Ed25519 key of its own, and {expected} is expected")]
-    NoKey {
-        /// What is expected; several, with commas.
-        expected: String,
-    },
-    /// It expects another key of this side.
-    #[error("the other side does not know this side's key {own}")]
-    Unknown {
-        /// What this side has.
-        own: TlsPublicKey,
-    },
-    /// It speaks in the clear.
-    #[error("the other side speaks without TLS")]
-    Plain,
-    /// It wants TLS, and this side has no keys for it.
-    #[error("the other side speaks TLS, and no key is configured for it here")]
-    Wanted,
-    /// It went away in the middle of the handshake.
-    #[error("the other side closed the connection in the handshake of TLS: it may know no TLS")]
-    Left,
-    /// It did not come to an end of the handshake.
-    #[error("the handshake of TLS has not come to an end in time")]
-    Slow,
-    /// Anything else.
-    #[error("TLS failed: {0}")]
-    Failed(Error),
-}
 
 /// How a connection of which TLS is not known yet looks if the other side speaks it: a record with a
 /// handshake or an alert.

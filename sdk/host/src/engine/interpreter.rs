@@ -1,7 +1,9 @@
 //! The interpreter of units without an operating system, behind the engines' interface.
 
-use super::{Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stepped, Stop};
-use crate::{Digest, Origin};
+use super::{
+    Compiled, EngineError, EngineInfo, NotLoaded, Origin, Running, StartError, Stepped, Stop,
+};
+use crate::Digest;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::wire::NoSpace;
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_STEP, Event, MANIFEST_SECTION, Micros};

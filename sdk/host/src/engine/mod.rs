@@ -3,6 +3,12 @@
 //! Callers know these three traits and nothing of the engine: another engine is
 //! another file beside `wasmtime.rs`.
 
+#[cfg(feature = "wasmtime")]
+mod cache;
+#[cfg(feature = "wasmtime")]
+mod code;
+#[cfg(feature = "wasmtime")]
+pub mod compiler;
 #[cfg(feature = "interpreter")]
 mod interpreter;
 #[cfg(feature = "wasmtime")]
@@ -12,7 +18,7 @@ mod wasmi;
 #[cfg(feature = "wasmtime")]
 mod wasmtime;
 
-use crate::{Digest, LoadError, Origin};
+use crate::{Digest, LoadError};
 use softplug_abi::wire::NoSpace;
 use softplug_abi::{Event, Micros};
 use std::fmt;
@@ -80,6 +86,29 @@ impl fmt::Display for EngineInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}", self.name, self.version)
     }
+}
+
+/// Where a plug-in's code came from.
+///
+/// ```
+/// use softplug_host::{Host, HostOptions, Origin};
+///
+/// # #[cfg(all(unix, feature = "wasmtime"))] {
+/// # let folder = tempfile::tempdir()?;
+/// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
+/// let cache = Some(folder.path().join("compiled"));
+/// let host = Host::new(HostOptions { cache, ..HostOptions::default() })?;
+/// assert_eq!(host.load_bytes(&wasm)?.origin(), Origin::Compiled);
+/// assert_eq!(host.load_bytes(&wasm)?.origin(), Origin::Cache);
+/// # }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum Origin {
+    /// It was compiled at this load.
+    Compiled,
+    /// It was in the cache.
+    Cache,
 }
 
 /// Units of fuel of those operators that take longer than the rest, which cost one,
@@ -172,7 +201,7 @@ pub(crate) struct EngineError(pub(crate) String);
 pub(crate) enum NotLoaded {
     Engine(EngineError),
     #[cfg(feature = "wasmtime")]
-    Apart(crate::compiler::Failed),
+    Apart(self::compiler::Failed),
 }
 
 impl From<EngineError> for NotLoaded {
@@ -184,7 +213,7 @@ impl From<EngineError> for NotLoaded {
 impl NotLoaded {
     pub(crate) fn into_error(self) -> LoadError {
         #[cfg(feature = "wasmtime")]
-        use crate::compiler::Failed;
+        use self::compiler::Failed;
         match self {
             Self::Engine(EngineError(reason)) => LoadError::Compile(reason),
             #[cfg(feature = "wasmtime")]

@@ -11,7 +11,7 @@
 // same key and checksum; a compiler that a module leads astray would do the same harm in
 // this process. wasmtime checks version and settings again.
 
-use crate::cache::VerifiedCode;
+use super::cache::VerifiedCode;
 use wasmtime::{Engine, Module, Result};
 
 pub(super) fn load(engine: &Engine, code: &VerifiedCode) -> Result<Module> {

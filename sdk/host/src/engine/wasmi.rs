@@ -1,9 +1,10 @@
 //! The wasmi engine: an interpreter, with the limits and the costs of the compiler.
 
 use super::{
-    Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stepped, Stop, weights,
+    Compiled, EngineError, EngineInfo, NotLoaded, Origin, Running, StartError, Stepped, Stop,
+    weights,
 };
-use crate::{Digest, Origin};
+use crate::Digest;
 use softplug_abi::wire::NoSpace;
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP, Event, Micros};
 use std::ops::Range;

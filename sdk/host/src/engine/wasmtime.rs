@@ -1,37 +1,22 @@
-//! The wasmtime engine: configuration, pool and calls.
+//! The wasmtime engine: pool and calls.
 
+use super::cache::{Cache, CacheKey};
+use super::code::{INFO, engine_error, key, on_demand, pooled};
+use super::compiler::{self, CompilerProcess};
 use super::{
-    Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stepped, Stop, precompiled,
-    weights,
+    Compiled, EngineError, EngineInfo, NotLoaded, Origin, Running, StartError, Stepped, Stop,
+    precompiled,
 };
-use crate::cache::{Cache, CacheKey, VerifiedCode};
-use crate::compiler::{self, CompilerProcess};
-use crate::lint::FEATURES;
-use crate::{Digest, Origin, words};
-use softplug_abi::limits::{ELEMENTS, MEMORY_PAGES};
+use crate::{Digest, words};
 use softplug_abi::wire::NoSpace;
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP, Event, Micros};
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use wasmtime::{
-    Config, Engine, Instance, InstanceAllocationStrategy, InstancePre, Linker, Memory, Module,
-    OperatorCost, PoolConcurrencyLimitError, PoolingAllocationConfig, Store, Trap, TypedFunc, Val,
-    ValType, WasmBacktrace, WasmFeatures,
+    Engine, Instance, InstancePre, Linker, Memory, Module, PoolConcurrencyLimitError, Store, Trap,
+    TypedFunc, Val, ValType, WasmBacktrace,
 };
-
-/// A test holds this against the lock file.
-const VERSION: &str = "48.0.8";
-
-/// Stack that a plug-in may use beside its own memory. Past it: a trap.
-const STACK_BYTES: usize = 256 * 1024;
-
-/// Most bytes of the engine's own bookkeeping for one instance: functions in
-/// tables and globals.
-const INSTANCE_BYTES: usize = 128 * 1024;
-
-const MEMORY_BYTES: u64 = MEMORY_PAGES * 64 * 1024;
 
 /// Innermost frames that a fault names.
 const FRAMES: usize = 8;
@@ -67,26 +52,9 @@ impl Wasmtime {
         Ok(Self { engine, is_pooled, cache, compiler, has_stopped_compiling, instances })
     }
 
-    /// The code of a module as a cache file, for an engine with or without a pool. Made on
-    /// this thread alone.
-    pub(crate) fn code_for(wasm: &[u8], is_pooled: bool) -> Result<Vec<u8>, EngineError> {
-        let mut config = if is_pooled { pooled(1) } else { on_demand() };
-        let engine = Engine::new(config.parallel_compilation(false)).map_err(engine_error)?;
-        let (cache, compiler) = (None, None);
-        let has_stopped_compiling = AtomicBool::new(false);
-        let itself =
-            Self { engine, is_pooled, cache, compiler, has_stopped_compiling, instances: 1 };
-        let code = itself.engine.precompile_module(wasm).map_err(engine_error)?;
-        Ok(VerifiedCode::file_for(itself.key(Digest::of(wasm)), &code))
-    }
-
-    fn key(&self, digest: Digest) -> CacheKey {
-        CacheKey::new(digest, super::Engine::info(self), self.settings_hash())
-    }
-
     /// The module, from the cache if it is there.
     fn module(&self, wasm: &[u8], digest: Digest) -> Result<(Module, Origin), NotLoaded> {
-        let key = self.key(digest);
+        let key = key(&self.engine, digest);
         if let Some(code) = self.cache.as_ref().and_then(|cache| cache.read(key)) {
             match precompiled::load(&self.engine, &code) {
                 Ok(module) => return Ok((module, Origin::Cache)),
@@ -128,84 +96,11 @@ impl Wasmtime {
         }
         Ok(module)
     }
-
-    /// Two engines whose code can be exchanged give the same number.
-    fn settings_hash(&self) -> u64 {
-        let mut hasher = DefaultHasher::new();
-        self.engine.precompile_compatibility_hash().hash(&mut hasher);
-        hasher.finish()
-    }
-}
-
-fn pooled(instances: u32) -> Config {
-    let mut pool = PoolingAllocationConfig::new();
-    pool.total_core_instances(instances)
-        .total_memories(instances)
-        .total_tables(instances)
-        .max_core_instance_size(INSTANCE_BYTES)
-        .max_tables_per_module(1)
-        .table_elements(ELEMENTS as usize)
-        .max_memories_per_module(1)
-        .max_memory_size(MEMORY_BYTES as usize)
-        // What an instance leaves is overwritten: to unmap it, and to map it for the next one,
-        // took a quarter of a certification's time.
-        .linear_memory_keep_resident(64 * 1024)
-        .table_keep_resident(64 * 1024);
-    let mut config = common();
-    config.memory_init_cow(false).allocation_strategy(InstanceAllocationStrategy::Pooling(pool));
-    config
-}
-
-/// With small reservations: each access is checked in code instead of by the
-/// processor's page tables.
-fn on_demand() -> Config {
-    let mut config = common();
-    config
-        .allocation_strategy(InstanceAllocationStrategy::OnDemand)
-        .memory_reservation(MEMORY_BYTES)
-        .memory_reservation_for_growth(0)
-        .memory_guard_size(64 * 1024);
-    config
-}
-
-fn common() -> Config {
-    let mut config = Config::new();
-    config
-        .consume_fuel(true)
-        .operator_cost(costs())
-        .cranelift_nan_canonicalization(true)
-        .max_wasm_stack(STACK_BYTES)
-        .memory_may_move(false)
-        .concurrency_support(false)
-        .wasm_features(WasmFeatures::all().difference(FEATURES), false)
-        .wasm_features(FEATURES, true);
-    config
-}
-
-fn costs() -> OperatorCost {
-    use weights::{CALL_INDIRECT, DIVISION, MEMORY_GROW};
-    OperatorCost {
-        MemoryGrow: MEMORY_GROW,
-        CallIndirect: CALL_INDIRECT,
-        I32DivS: DIVISION,
-        I32DivU: DIVISION,
-        I32RemS: DIVISION,
-        I32RemU: DIVISION,
-        I64DivS: DIVISION,
-        I64DivU: DIVISION,
-        I64RemS: DIVISION,
-        I64RemU: DIVISION,
-        F32Div: DIVISION,
-        F64Div: DIVISION,
-        F32Sqrt: DIVISION,
-        F64Sqrt: DIVISION,
-        ..OperatorCost::new()
-    }
 }
 
 impl super::Engine for Wasmtime {
     fn info(&self) -> EngineInfo {
-        EngineInfo { name: "wasmtime", version: VERSION }
+        INFO
     }
 
     fn load(&self, wasm: &[u8], digest: Digest) -> Result<(Box<dyn Compiled>, Origin), NotLoaded> {
@@ -341,26 +236,11 @@ fn frames_of(error: &wasmtime::Error) -> Vec<String> {
     backtrace.frames().iter().take(FRAMES).map(name).collect()
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
-fn engine_error(error: wasmtime::Error) -> EngineError {
-    EngineError(format!("{error:#}"))
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::cache::VerifiedCode;
+    use super::super::code::code_for;
     use super::*;
-
-    #[test]
-    fn the_version_is_the_one_in_the_lock_file() {
-        let lock = include_str!("../../../../Cargo.lock").replace("\r\n", "\n");
-        assert!(lock.contains(&format!("name = \"wasmtime\"\nversion = \"{VERSION}\"\n")));
-    }
-
-    #[test]
-    fn both_configurations_make_an_engine() {
-        Engine::new(&pooled(4)).unwrap();
-        Engine::new(&on_demand()).unwrap();
-    }
 
     #[test]
     fn code_made_apart_has_the_key_of_the_engine_that_runs_it() {
@@ -368,11 +248,11 @@ mod tests {
         let wasm = wasm.unwrap();
         for instances in [64, 100_000] {
             let engine = Wasmtime::new(instances, None, None).unwrap();
-            let key = engine.key(Digest::of(&wasm));
-            let file = Wasmtime::code_for(&wasm, engine.is_pooled).unwrap();
+            let key = key(&engine.engine, Digest::of(&wasm));
+            let file = code_for(&wasm, engine.is_pooled).unwrap();
             let code = VerifiedCode::received(file, key).unwrap();
             assert!(precompiled::load(&engine.engine, &code).is_ok());
-            let other = Wasmtime::code_for(&wasm, !engine.is_pooled).unwrap();
+            let other = code_for(&wasm, !engine.is_pooled).unwrap();
             assert!(VerifiedCode::received(other, key).is_err());
         }
     }

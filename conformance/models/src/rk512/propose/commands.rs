@@ -2,7 +2,7 @@
 
 use super::value;
 use crate::dice::Dice;
-use crate::rk512::serve::Series;
+use crate::rk512::series::Series;
 use crate::rk512::telegram::{Area, Command, Kind, MOST};
 
 /// A first telegram, or one that goes on with the command before, or with one that has

@@ -3,7 +3,7 @@
 use super::value;
 use crate::dice::Dice;
 use crate::model::HostRequest;
-use crate::rk512::serve::Request;
+use crate::rk512::series::Request;
 use crate::rk512::telegram::Kind;
 use softplug_abi::Failure;
 

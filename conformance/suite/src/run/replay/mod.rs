@@ -4,15 +4,16 @@ mod give;
 mod numbers;
 
 use self::numbers::Numbers;
+use crate::given::case::Case;
 use crate::given::lines::{line_parameters, modem_lines};
-use crate::given::load::Case;
 use crate::given::timeline::{Input, Timeline, Windows};
 use crate::run::effect::Effect;
 use crate::run::fault::{Fault, FaultClass};
 use crate::run::outcome::{Outcome, Seen};
 use crate::run::permute::{Permutation, Rooms};
 use crate::run::rerun::rerun;
-use crate::run::subject::{Meter, Subject, Watched};
+use crate::run::subject::Subject;
+use crate::run::watched::{Meter, Watched};
 use crate::run::way::{Before, Swaps, Way};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Instance, Micros, ModemLines};

@@ -169,7 +169,8 @@ impl UnitConfig {
                 reason: error.to_string(),
             };
             let memory = &link.memory;
-            paths::hold_memory(memory).map_err(|error| wrong(&memory.path, error))?;
+            paths::hold_memory(&memory.path, memory.size)
+                .map_err(|error| wrong(&memory.path, error))?;
             let state = link.state.parent().unwrap_or(Path::new("."));
             paths::hold_files(state).map_err(|error| UnitError::State {
                 path: state.to_owned(),

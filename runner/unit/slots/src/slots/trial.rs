@@ -1,11 +1,11 @@
 //! Which module runs: trials, their end, and the way back.
 
+use super::{Module, Slots};
 use crate::access;
 use crate::device::Device;
 use crate::error::{Error, Refusal};
-use crate::layout::Slot;
 use crate::record::{Failure, Record, State};
-use crate::slots::{Module, Slots};
+use crate::slot::Slot;
 
 /// What to run now, and why nothing else.
 ///

@@ -1,8 +1,9 @@
 //! Another plug-in begins as new on a link: after a fault, or while nothing is
 //! under way.
 
+use super::Link;
+use crate::LinkHost;
 use crate::fault::LinkFault;
-use crate::{Link, LinkHost};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Instance, Micros};
 

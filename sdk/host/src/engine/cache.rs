@@ -7,7 +7,8 @@
 //! file must belong to this user and be writable by nobody else. On other
 //! systems the directory's own permissions have to see to that.
 
-use crate::{Digest, EngineInfo};
+use super::EngineInfo;
+use crate::Digest;
 use std::fs::{self, Metadata, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};

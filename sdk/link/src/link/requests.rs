@@ -1,8 +1,9 @@
 //! What the host asks of a plug-in.
 
+use super::Link;
+use crate::LinkHost;
 use crate::fault::LinkFault;
 use crate::job::{ActiveJob, Job};
-use crate::{Link, LinkHost};
 use softplug_abi::{Action, Event, Failure, Instance, Micros, Values};
 
 /// Bytes of a job's beginning before its fields.

@@ -2,22 +2,22 @@
 
 /// Their texts, in the order of their names.
 pub(crate) const KNOWN: &[&str] = &[
-    include_str!("../machines/bridgeport-boss.toml"),
-    include_str!("../machines/bridgeport-r2e3.toml"),
-    include_str!("../machines/brother-tc.toml"),
-    include_str!("../machines/fadal-88hs.toml"),
-    include_str!("../machines/fagor-8055.toml"),
-    include_str!("../machines/fanuc-0m.toml"),
-    include_str!("../machines/fanuc-16i.toml"),
-    include_str!("../machines/fanuc-3m.toml"),
-    include_str!("../machines/haas-vf.toml"),
-    include_str!("../machines/heidenhain-tnc.toml"),
-    include_str!("../machines/heidenhain-tnc-fe.toml"),
-    include_str!("../machines/heidenhain-tnc151.toml"),
-    include_str!("../machines/mazak-m32.toml"),
-    include_str!("../machines/milltronics-centurion.toml"),
-    include_str!("../machines/okuma-osp.toml"),
-    include_str!("../machines/siemens-840d.toml"),
+    include_str!("../../machines/bridgeport-boss.toml"),
+    include_str!("../../machines/bridgeport-r2e3.toml"),
+    include_str!("../../machines/brother-tc.toml"),
+    include_str!("../../machines/fadal-88hs.toml"),
+    include_str!("../../machines/fagor-8055.toml"),
+    include_str!("../../machines/fanuc-0m.toml"),
+    include_str!("../../machines/fanuc-16i.toml"),
+    include_str!("../../machines/fanuc-3m.toml"),
+    include_str!("../../machines/haas-vf.toml"),
+    include_str!("../../machines/heidenhain-tnc.toml"),
+    include_str!("../../machines/heidenhain-tnc-fe.toml"),
+    include_str!("../../machines/heidenhain-tnc151.toml"),
+    include_str!("../../machines/mazak-m32.toml"),
+    include_str!("../../machines/milltronics-centurion.toml"),
+    include_str!("../../machines/okuma-osp.toml"),
+    include_str!("../../machines/siemens-840d.toml"),
 ];
 
 #[cfg(test)]

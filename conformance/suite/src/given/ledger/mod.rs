@@ -24,8 +24,10 @@
 //! # Ok::<(), softplug_conformance::ledger::LedgerError>(())
 //! ```
 
+mod hashes;
+
 pub use super::file_error::FileError as LedgerError;
-pub use super::hashes::{Hashed, hashed};
+pub use hashes::{Hashed, hashed};
 
 use super::file_error::read_toml;
 use serde::Deserialize;

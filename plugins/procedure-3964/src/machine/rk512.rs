@@ -8,7 +8,7 @@ mod passive;
 
 pub(crate) use header::timeout_at;
 
-use crate::machine::NEVER;
+use super::NEVER;
 use header::Header;
 use softplug_plugin::parts::Block;
 use softplug_plugin::{Context, Micros, State};

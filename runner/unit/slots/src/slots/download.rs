@@ -1,14 +1,16 @@
 //! A module comes into the slot that is not needed.
 
+use super::Slots;
+use super::trial::Unfit;
 use crate::access;
 use crate::device::{Device, LARGEST_GRANULE};
 use crate::error::{Error, Fault, Refusal, SetUpError};
 use crate::header::Header;
-use crate::layout::{HEADER, Place, Slot};
+use crate::layout::{HEADER, Place};
 use crate::record::{Failure, Log, Record, State};
 use crate::scan::{Content, Current};
-use crate::slots::Slots;
-use crate::trust::Signature;
+use crate::signature::Signature;
+use crate::slot::Slot;
 
 /// How a download begins.
 ///
@@ -146,12 +148,12 @@ impl<D: Device> Slots<'_, D> {
         }
         match self.inspect(slot) {
             Ok(()) => {}
-            Err(crate::Unfit::Digest) => {
+            Err(Unfit::Digest) => {
                 self.append(slot, Record::Failed(Failure::Digest))?;
                 return Err(Refusal::Digest.into());
             }
-            Err(crate::Unfit::Refused(refusal)) => return Err(refusal.into()),
-            Err(crate::Unfit::Unreadable) => {
+            Err(Unfit::Refused(refusal)) => return Err(refusal.into()),
+            Err(Unfit::Unreadable) => {
                 return Err(Fault::NotKept { at: self.layout.module(slot) }.into());
             }
         }

@@ -1,11 +1,13 @@
 //! A plug-in on probation: its state is saved after every event, and if it
 //! fails, the one before it goes on from there.
 
+use super::Link;
+use super::requests::is_too_long;
+use super::saving::{SavedState, answer_of, saved_by};
+use super::seat::{Rooms, Silent, Spare};
+use super::under_way::UnderWay;
+use crate::LinkHost;
 use crate::fault::{LinkFault, RuleBroken};
-use crate::requests::is_too_long;
-use crate::saving::{SavedState, answer_of, saved_by};
-use crate::swap::{Rooms, Spare};
-use crate::{Link, LinkHost, UnderWay};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use softplug_abi::manifest::SettingValues;
@@ -265,11 +267,4 @@ impl<I: Instance> Link<I> {
             | Event::Continue => self.step(event, host),
         }
     }
-}
-
-/// Hears nothing: for a trial.
-pub(crate) struct Silent;
-
-impl LinkHost for Silent {
-    fn handle(&mut self, _now: Micros, _action: &Action<'_>) {}
 }

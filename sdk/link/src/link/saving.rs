@@ -1,7 +1,8 @@
 //! A plug-in's state, out of it.
 
+use super::Link;
+use crate::LinkHost;
 use crate::fault::{LinkFault, RuleBroken};
-use crate::{Link, LinkHost};
 use alloc::vec::Vec;
 use softplug_abi::limits::{OUTPUT_ROUNDS, STATE_BYTES};
 use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros};

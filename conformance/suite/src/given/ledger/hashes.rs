@@ -1,7 +1,7 @@
 //! The hashes of a ledger's sentences, written into its text.
 
-use super::file_error::{FileError, read_toml};
-use super::ledger::fingerprint;
+use super::fingerprint;
+use crate::given::file_error::{FileError, read_toml};
 use serde::Deserialize;
 use std::path::Path;
 use toml::Spanned;

@@ -7,7 +7,8 @@ use std::time::Duration;
 use softplug_abi::limits::MODULE_BYTES;
 
 use super::{CompileLimits, Head, REFUSED};
-use crate::engine::{EngineError, Wasmtime};
+use crate::engine::EngineError;
+use crate::engine::code::code_for;
 
 /// How often it is looked how much was computed.
 #[cfg(unix)]
@@ -40,7 +41,7 @@ pub fn run() -> io::Result<()> {
     input.read_exact(&mut module)?;
     hold_to(head.limits, head.in_background)?;
     let mut output = io::stdout().lock();
-    match Wasmtime::code_for(&module, head.is_pooled) {
+    match code_for(&module, head.is_pooled) {
         Ok(code) => output.write_all(&code)?,
         Err(EngineError(reason)) => {
             output.write_all(REFUSED)?;

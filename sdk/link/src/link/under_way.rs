@@ -1,6 +1,6 @@
 //! What is under way on a link, in a few numbers.
 
-use crate::Link;
+use super::Link;
 use crate::core::Core;
 use alloc::vec::Vec;
 use softplug_abi::{Instance, Pass};

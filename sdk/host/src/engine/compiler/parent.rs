@@ -8,7 +8,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::{CompilerProcess, Head, NO_MEMORY, REFUSED, TIME_IS_UP};
-use crate::cache::{CODE_BYTES, CacheKey, VerifiedCode};
+use crate::engine::cache::{CODE_BYTES, CacheKey, VerifiedCode};
 
 /// How often it is looked whether compiling is to be broken off.
 const LOOK: Duration = Duration::from_millis(20);

@@ -1,7 +1,8 @@
 //! What comes from the line.
 
+use super::Link;
+use crate::LinkHost;
 use crate::fault::LinkFault;
-use crate::{Link, LinkHost};
 use softplug_abi::{Event, Instance, LineErrorKind, LinkDownReason, Micros, ModemLines};
 
 impl<I: Instance> Link<I> {
