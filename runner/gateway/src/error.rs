@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use softplug_abi::LinkDownReason;
 
-use crate::port::SettingDifference;
+use crate::difference::SettingDifference;
 
 /// Who can mend a [`PortError`].
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -248,7 +248,7 @@ fn list(holders: &[Holder]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::DifferenceWeight;
+    use crate::difference::DifferenceWeight;
 
     #[test]
     fn messages_say_what_where_and_what_to_do() {

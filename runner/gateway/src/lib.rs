@@ -33,6 +33,7 @@
 pub mod awaited;
 pub mod channel;
 pub mod clock;
+mod difference;
 pub mod due;
 pub mod error;
 pub mod guess;
@@ -41,7 +42,6 @@ pub mod place;
 pub mod poll;
 pub mod port;
 pub mod ports;
-pub mod pty;
 pub mod quantity;
 pub mod recorder;
 pub mod reservoir;
@@ -72,6 +72,8 @@ pub mod units;
 pub use due::Due;
 pub use error::{BadSpec, Blame, Holder, PortError};
 pub use pacer::Pacer;
+#[doc(inline)]
+pub use port::pty;
 pub use port::{Flow, PortOptions, PortSpec, SettingDifference};
 pub use port::{Input, Port, ReadOutcome};
 pub use text::{is_plain, plain_text};

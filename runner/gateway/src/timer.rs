@@ -81,20 +81,3 @@ impl AsFd for Timer {
         self.fd.as_fd()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::poll::{Interest, Poller};
-
-    #[test]
-    fn a_deadline_never_fires_early_and_the_past_fires_at_once() {
-        let clock = Clock::start();
-        let mut poller = Poller::new(clock).unwrap();
-        let deadline = clock.now() + Micros(2_500);
-        assert!(poller.wait(None, Interest::READ, Some(deadline)).unwrap().timer);
-        assert!(clock.now() >= deadline);
-        assert!(poller.wait(None, Interest::READ, Some(Micros(-5_000_000_000))).unwrap().timer);
-        assert!(poller.wait(None, Interest::READ, Some(Micros(1))).unwrap().timer);
-    }
-}

@@ -3,7 +3,7 @@
 //! They are made of the same views that the API shows, at the moment at which they are asked for.
 
 use std::fmt;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, text as openmetrics};
@@ -11,11 +11,23 @@ use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::{Registry, Unit};
 
-use crate::http::Tally;
 use crate::view::{BusUnitView, BusView, CountersView, HealthView, LinkState, LinkView};
 
 /// What the text is.
 pub(crate) const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+/// Counters of requests.
+#[derive(Debug, Default)]
+pub(crate) struct Tally {
+    /// All that came.
+    pub(crate) requests: AtomicU64,
+    /// Without a token that is known.
+    pub(crate) strangers: AtomicU64,
+    /// Over the rate.
+    pub(crate) hasty: AtomicU64,
+    /// Answered with a status of 500 or above.
+    pub(crate) failed: AtomicU64,
+}
 
 /// What the HTTP side counts.
 #[derive(Copy, Clone, Debug)]

@@ -229,6 +229,11 @@ fn serial_settings(fd: impl AsFd) -> Result<SerialSettings> {
     unsafe { ioctl(fd, Getter::<SERIAL_GET, SerialSettings>::new()) }
 }
 
+/// What a driver says when its device is not there any more.
+pub(super) fn is_gone(error: Errno) -> bool {
+    matches!(error, Errno::IO | Errno::NXIO | Errno::NODEV)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,10 +1,11 @@
 //! Ports: a terminal, a TCP connection or a pty behind one interface that
 //! never blocks.
 
-mod difference;
 pub(crate) mod input_sink;
 mod marks;
 mod open;
+pub mod pty;
+mod read_outcome;
 mod rfc2217;
 pub(crate) mod rfc2217_bound;
 pub(crate) mod rfc2217_values;
@@ -29,15 +30,18 @@ mod tty;
 #[cfg(not(target_os = "linux"))]
 mod elsewhere;
 #[cfg(not(target_os = "linux"))]
+mod source;
+#[cfg(not(target_os = "linux"))]
 pub(crate) use elsewhere::{holders, tty};
 
-pub use difference::{DifferenceWeight, SettingDifference};
+pub use crate::difference::{DifferenceWeight, SettingDifference};
 #[cfg(target_os = "linux")]
 pub use held::discard_all;
 pub use input_sink::Backlog;
 pub use marks::{Input, LineCounters, MarkDecoder};
+pub use open::Port;
 pub(crate) use open::{CallsBack, ShortRead};
-pub use open::{Port, ReadOutcome};
+pub use read_outcome::ReadOutcome;
 pub use rfc2217::Rfc2217Port;
 #[cfg(target_os = "linux")]
 pub use settings::read_line;

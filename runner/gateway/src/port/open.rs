@@ -2,17 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines, Parity};
+use softplug_abi::{LineParameters, Micros, ModemLines, Parity};
 
-use super::difference::SettingDifference;
 use super::input_sink::{Backlog, InputOnly, InputSink};
 use super::marks::Input;
+use super::pty::{FRESH_BAUD, PtyPort};
+use super::read_outcome::ReadOutcome;
 use super::rfc2217::Rfc2217Port;
 use super::spec::{PortOptions, PortSpec};
 use super::tcp::TcpPort;
 use super::tty::TtyPort;
+use crate::difference::SettingDifference;
 use crate::error::PortError;
-use crate::pty::{FRESH_BAUD, PtyPort};
 
 /// An open port. Nothing here blocks.
 #[derive(Debug)]
@@ -25,17 +26,6 @@ pub enum Port {
     Rfc2217(Box<Rfc2217Port>),
     /// The master of a pty made here.
     Pty(PtyPort),
-}
-
-/// What a read found.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub enum ReadOutcome {
-    /// So many bytes were read, marks included; there may be more.
-    Read(usize),
-    /// Nothing is there.
-    Empty,
-    /// The port is gone for good: drop it at once, which frees its name.
-    Gone(LinkDownReason),
 }
 
 /// What a read says of the rest that gave less than it was asked for.

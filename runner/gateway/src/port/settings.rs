@@ -7,10 +7,9 @@ use rustix::termios::{
 };
 use softplug_abi::{LineParameters, LinkDownReason, Parity};
 
-use super::difference::{DifferenceWeight, SettingDifference, line_differences};
-use super::ioctl;
+use super::ioctl::{self, is_gone};
 use super::spec::{Flow, PortOptions};
-use super::tty::is_gone;
+use crate::difference::{DifferenceWeight, SettingDifference, line_differences};
 use crate::error::PortError;
 
 /// The line settings that a terminal has now.
@@ -173,7 +172,8 @@ fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<Se
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::{difference::refused, parse_line};
+    use crate::difference::refused;
+    use crate::port::parse_line;
     use crate::pty::PtyPair;
 
     /// What is found if a port that was asked for `asked` has `has`.

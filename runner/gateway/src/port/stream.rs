@@ -11,7 +11,7 @@ use softplug_abi::LinkDownReason;
 
 #[cfg(target_os = "linux")]
 use super::ioctl;
-use super::open::ReadOutcome;
+use super::read_outcome::ReadOutcome;
 use crate::error::PortError;
 
 /// Silence after which the peer is probed, then how often and how many times:

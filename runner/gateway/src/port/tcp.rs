@@ -7,7 +7,7 @@ use softplug_abi::{LineParameters, LinkDownReason, Micros};
 
 use super::input_sink::{Backlog, InputOnly, InputSink};
 use super::marks::Input;
-use super::open::ReadOutcome;
+use super::read_outcome::ReadOutcome;
 use super::scratch::with_scratch;
 use super::spec::PortOptions;
 use super::stream::Stream;

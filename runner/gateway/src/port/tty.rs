@@ -15,16 +15,16 @@ use rustix::termios::{
 };
 use softplug_abi::{LineParameters, LinkDownReason, ModemLines};
 
-use super::difference::{SettingDifference, noted, refused};
 use super::held;
 use super::holders::{group, holders, holders_but, is_pty};
 use super::input_sink::{Backlog, InputOnly, InputSink};
-use super::ioctl;
+use super::ioctl::{self, is_gone};
 use super::marks::{Input, LineCounters, MarkDecoder};
-use super::open::ReadOutcome;
+use super::read_outcome::ReadOutcome;
 use super::scratch::{READ_BYTES, with_scratch};
 use super::settings::{apply, line_of};
 use super::spec::{Flow, PortOptions};
+use crate::difference::{SettingDifference, noted, refused};
 use crate::error::{BadSpec, PortError};
 
 /// More than a pty holds.
@@ -420,11 +420,6 @@ fn uart_fifo(fd: &OwnedFd, device: &fs::Metadata) -> Option<u32> {
     // Only the kernel's drivers of UARTs have this file, which not everybody may read.
     let attribute = format!("/sys/dev/char/{major}:{minor}/xmit_fifo_size");
     if Path::new(&attribute).exists() { ioctl::uart_fifo(fd).ok() } else { None }
-}
-
-/// What a driver says when its device is not there any more.
-pub(super) fn is_gone(error: Errno) -> bool {
-    matches!(error, Errno::IO | Errno::NXIO | Errno::NODEV)
 }
 
 fn request_error(error: Errno, what: &'static str) -> PortError {

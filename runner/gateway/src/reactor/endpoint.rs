@@ -10,7 +10,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::ops::Range;
 
-use super::JobOutcome;
+use super::job_end::JobOutcome;
 
 /// Jobs with this id and above are an endpoint's.
 pub const ENDPOINT_JOBS: u32 = 0x8000_0000;

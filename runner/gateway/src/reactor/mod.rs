@@ -14,8 +14,9 @@
 
 mod deadlines;
 pub mod endpoint;
+mod fault;
 mod host;
-mod lane;
+mod job_end;
 mod opener;
 mod real_time;
 mod report;
@@ -28,7 +29,9 @@ mod watch;
 pub use endpoint::{
     ENDPOINT_JOBS, Endpoint, EndpointNews, EndpointRequest, LaneEndpoint, LineNews,
 };
-pub use report::{Alarm, AlarmKind, JobEnd, JobOutcome, LaneFault, Report};
+pub use fault::LaneFault;
+pub use job_end::{JobEnd, JobOutcome};
+pub use report::{Alarm, AlarmKind, Report};
 pub use setup::{Backoff, Command, Feed, LaneId, LaneSetup, Watchdogs};
 pub(crate) use status::UnitFigures;
 pub use status::{Condition, LaneFigures, LaneStatus};

@@ -1,13 +1,14 @@
 //! What lanes tell.
 
-use softplug_abi::{EventKind, Failure, LinkDownReason, Micros, NoteLevel};
+use softplug_abi::{Failure, LinkDownReason, Micros, NoteLevel};
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 
 use super::endpoint::EndpointNews;
+use super::fault::LaneFault;
+use super::job_end::JobEnd;
 use super::swap::SwapReport;
 use crate::port::SettingDifference;
-use crate::recorder::Recording;
 use crate::reservoir::ReservoirReader;
 
 /// What a lane tells. Never about single bytes: these are in its
@@ -111,72 +112,6 @@ pub enum Report {
     Removed,
 }
 
-/// How a job ended.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct JobEnd {
-    /// The job.
-    pub job: u32,
-    /// How.
-    pub outcome: JobOutcome,
-    /// Bytes of its data that the plug-in took.
-    pub taken: u64,
-    /// Bytes that left for it, as the plug-in counts; of a job that is not done
-    /// no more than surely have.
-    pub sent: u64,
-    /// Characters that may have left the line since it began, the protocol's
-    /// own ones included.
-    pub maybe_left: u64,
-    /// Characters that surely have.
-    pub surely_left: u64,
-    /// Bytes of its data of which some may have left, or may leave yet.
-    pub bytes_maybe_left: u64,
-    /// Bytes of its data that surely had when the lane last looked before the end.
-    pub bytes_surely_left: u64,
-}
-
-impl JobEnd {
-    /// Of a job that was never begun.
-    pub(crate) fn unbegun(job: u32, outcome: JobOutcome, sent: u64) -> Self {
-        Self {
-            job,
-            outcome,
-            taken: 0,
-            sent,
-            maybe_left: 0,
-            surely_left: 0,
-            bytes_maybe_left: 0,
-            bytes_surely_left: 0,
-        }
-    }
-}
-
-/// How a job ended.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub enum JobOutcome {
-    /// The last bit has left.
-    Done,
-    /// It was given up, or aborted.
-    Failed {
-        /// Why.
-        failure: Failure,
-        /// The protocol's own code, 0 without.
-        status: u16,
-    },
-    /// The program cannot be sent; nothing was.
-    CheckFailed {
-        /// Why.
-        failure: Failure,
-        /// The protocol's own code, 0 without.
-        status: u16,
-        /// Line of the fault, from 1; 0 without.
-        line: u32,
-        /// Column of the fault in bytes, from 1; 0 without.
-        column: u32,
-    },
-    /// Its data could not be read to the end; the job was aborted.
-    SourceFailed(String),
-}
-
 /// A watchdog has struck, or what it complained of is over.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Alarm {
@@ -209,20 +144,4 @@ impl AlarmKind {
             Self::StuckHeld => "stuck-held",
         }
     }
-}
-
-/// The end of a plug-in.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct LaneFault {
-    /// The event that it failed on, if it was one.
-    pub event: Option<EventKind>,
-    /// What happened, in one sentence.
-    pub sentence: String,
-    /// What the plug-in said last.
-    pub last_words: Option<String>,
-    /// What led there, as the flight recorder has it; empty without one.
-    pub recording: Recording,
-    /// It was on probation. As a [fault](Report::Fault): the plug-in before it could
-    /// not go on either.
-    pub on_probation: bool,
 }

@@ -3,7 +3,7 @@
 use softplug_abi::Micros;
 use softplug_link::Successor;
 
-use super::report::LaneFault;
+use super::fault::LaneFault;
 
 /// A plug-in that is to take over. It was made elsewhere: nothing is compiled or
 /// instantiated where links are served.

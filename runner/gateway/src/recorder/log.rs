@@ -1,7 +1,7 @@
 //! Two generations of events in memory: when the newer one is full, the older one
 //! goes.
 
-use softplug_abi::{Event, EventKind, Micros};
+use softplug_abi::{Event, Micros};
 use softplug_link::UnderWay;
 
 use super::Recording;
@@ -151,9 +151,4 @@ fn size_bound(event: &Event<'_>) -> usize {
             Event::Settings { values, .. } => values.as_bytes().len(),
             _ => 0,
         }
-}
-
-/// Whether an entry can be of this kind.
-pub(super) fn is_kept(kind: EventKind) -> bool {
-    kind != EventKind::Continue
 }

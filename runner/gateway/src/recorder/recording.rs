@@ -5,8 +5,6 @@ use std::fmt;
 use softplug_abi::{EventKind, Micros};
 use softplug_link::UnderWay;
 
-use super::log::is_kept;
-
 /// Before each payload: time, kind, length.
 pub(super) const HEAD: usize = 8 + 2 + 2;
 
@@ -77,4 +75,9 @@ impl fmt::Debug for Recording {
         shown.field("events", &self.entries().count()).field("is_whole", &self.is_whole);
         shown.finish_non_exhaustive()
     }
+}
+
+/// Whether an entry can be of this kind.
+fn is_kept(kind: EventKind) -> bool {
+    kind != EventKind::Continue
 }

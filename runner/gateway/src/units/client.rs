@@ -15,10 +15,8 @@ use softplug_unit_uplink::{
 };
 use thiserror::Error;
 
-use super::connection::ServerSession;
 use super::headway::Headway;
-use super::lane::longest_fields;
-use super::{UnitPlace, UnitPlugin, piece};
+use super::{ServerSession, UnitPlace, UnitPlugin, longest_fields, pairs, piece};
 use crate::clock::Clock;
 use crate::text::plain_text;
 
@@ -377,7 +375,7 @@ impl UnitClient {
     ) -> Result<Result<(), String>, UnitClientError> {
         let settings = match &plugin.settings[..] {
             [] => KEPT_SETTINGS.to_vec(),
-            settings => super::lane::pairs(settings),
+            settings => pairs(settings),
         };
         let most = longest_fields(&self.outbox);
         if settings.len() > most {

@@ -8,7 +8,7 @@ use softplug_abi::Micros;
 use softplug_unit_protocol::{Identity, Role, Session};
 use softplug_unit_uplink::{CanAddress, CanEnd, CanUplink, Outbox, Uplink};
 
-use super::connection::ServerSession;
+use super::ServerSession;
 use crate::clock::Clock;
 
 /// What a full interface does not take is offered again after this span.

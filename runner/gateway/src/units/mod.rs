@@ -9,14 +9,11 @@
 //! [scheduler](softplug_unit_bus) says whose job data may leave next.
 
 mod address;
-mod buses;
 mod client;
-mod connection;
 mod delivery;
 mod find;
 mod headway;
 mod job;
-mod lane;
 mod thread;
 
 pub use address::{UnitAddress, UnitPlace};
@@ -34,11 +31,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use softplug_abi::Failure;
+use softplug_unit_protocol::Session;
 
 use crate::error::PortError;
 use crate::reactor::{Backoff, Feed, LaneId, LaneStatus, Probation, Report, When};
 use crate::reservoir::ReservoirReader;
 use thread::{Driver, Shown, ThreadCommand};
+
+/// The gateway's end of a session with a unit.
+type ServerSession = Session<16, 1024>;
 
 /// Bytes of data, of a module or of an answer in one message, at most.
 const PIECE: usize = 960;
@@ -48,6 +49,24 @@ const HEAD: usize = 64;
 /// Bytes of data, of a module or of an answer in one message that the other end takes.
 fn piece(outbox: &Outbox) -> usize {
     PIECE.min(outbox.longest().saturating_sub(HEAD))
+}
+
+/// The longest fields of a job, and settings, in bytes: they must fit into a message.
+const LONGEST_FIELDS: usize = 900;
+
+/// The longest ones that the other end takes.
+fn longest_fields(outbox: &Outbox) -> usize {
+    LONGEST_FIELDS.min(piece(outbox))
+}
+
+/// Each text ended by a byte 00.
+fn pairs(settings: &[(String, String)]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for text in settings.iter().flat_map(|(name, value)| [name, value]) {
+        bytes.extend_from_slice(text.as_bytes());
+        bytes.push(0);
+    }
+    bytes
 }
 
 /// A plug-in as a unit takes it.

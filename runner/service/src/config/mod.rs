@@ -7,6 +7,7 @@ mod buses;
 mod cells;
 mod drops;
 mod finding;
+pub(crate) mod http;
 mod link;
 mod links;
 mod machine;
@@ -31,7 +32,6 @@ use std::path::{Path, PathBuf};
 
 use softplug_gateway::units::BusSetup;
 
-use crate::http;
 use finding::ConfigFindings;
 
 /// A configuration of a thousand links has some 300 KiB.
@@ -80,7 +80,7 @@ impl Config {
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
         let folder = folder.unwrap_or(Path::new("."));
         let gateway = service::gateway(&written.gateway, folder, &mut problems);
-        let http = written.http.as_ref().map(|http| service::http(http, folder, &mut problems));
+        let http = written.http.as_ref().map(|http| http::read(http, folder, &mut problems));
         let supervision = service::supervision(&written.supervision, &mut problems);
         let buses = buses::all(&written.bus, &mut problems);
         let catalogue = machine::catalogue(&written.gateway, folder, &mut problems);

@@ -10,7 +10,7 @@
 //! 1. It has not changed for a while, and nobody is known to write to it ([`settling`]).
 //! 2. It is claimed: moved into a folder whose name, the claim, is never given twice ([`place`]).
 //! 3. The job is written down together with the claim, in one change (`jobs/claims.rs`).
-//! 4. When the job has ended, result and file are put away ([`shelf`]), then the claim is forgotten.
+//! 4. When the job has ended, result and file are put away ([`shelf`](place::shelf)), then the claim is forgotten.
 //!
 //! A claim without a job gets one; one with a job waits for its end.
 
@@ -18,7 +18,6 @@ mod names;
 mod place;
 mod result;
 mod settling;
-mod shelf;
 mod watch;
 
 pub(crate) use watch::{DropFolder, Dropped, NotTaken, Queue};

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use softplug_gateway::plain_text;
 
-use super::shelf::Shelf;
+use super::place::Shelf;
 use crate::jobs::{Claimed, Job, State, grouped};
 use crate::view::utc;
 

@@ -15,10 +15,9 @@ use softplug_gateway::store::is_open_for_writing;
 use softplug_host::Digest;
 
 use super::names::shown;
-use super::place::{Found, Held, Place, Whose, state_of};
+use super::place::{Found, Held, Place, Shelf, Whose, state_of};
 use super::result::{self, Now};
 use super::settling::{FileState, Settling};
-use super::shelf::Shelf;
 use crate::config::DropConfig;
 use crate::disk::{copy, is_full};
 use crate::jobs::{Claim, Claimed, Job, JobsError, Weight};

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::control::Control;
+use super::Control;
 use crate::jobs::Data;
 use crate::jobs::blocks::BlockCursor;
 use crate::programs::Snapshots;

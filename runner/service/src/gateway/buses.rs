@@ -3,9 +3,8 @@
 use softplug_gateway::units::{BusSurvey, SlotState, UnitLinkFigures};
 use softplug_host::Digest;
 
-use super::Gateway;
-use super::control::Control;
 use super::link::Link;
+use super::{Control, Gateway};
 use crate::Refusal;
 use crate::view::{BusMeasuredView, BusUnitView, BusView, UnitSlotView};
 

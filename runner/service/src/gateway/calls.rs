@@ -12,12 +12,10 @@ use softplug_gateway::reactor::Command;
 use softplug_host::Plugin;
 use tokio::sync::broadcast;
 
-use super::control::Control;
 use super::jobs::JobCommand;
-use super::link::Link;
+use super::link::{Link, WantedSwap};
 use super::simulated::Simulated;
-use super::swaps::Wanted;
-use super::{Gateway, Watching, show};
+use super::{Control, Gateway, Watching, show};
 use crate::Refusal;
 use crate::config::Config;
 use crate::jobs::{
@@ -93,8 +91,13 @@ impl Gateway {
         let successor = self.shared.parts.loader.prepare(&order.plugin, &settings)?;
         let (to, done) = sync_channel(1);
         let probation = order.probation.map(Into::into);
-        let wanted =
-            Wanted { successor, when: order.when, probation, waits: Some(to), configured: None };
+        let wanted = WantedSwap {
+            successor,
+            when: order.when,
+            probation,
+            waits: Some(to),
+            configured: None,
+        };
         let link = link.to_owned();
         let ordered = self.shared.ask(move |control| control.order_swap(&link, wanted))?;
         Ok(done.recv_timeout(SWAPPING).unwrap_or(ordered))

@@ -4,35 +4,18 @@
 //! reactor what to do. It writes down what must be known after a crash; it never
 //! compiles, never reads programs and never waits for a machine.
 
-use std::collections::{BTreeMap, HashMap};
 use std::fmt;
 use std::os::fd::OwnedFd;
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::{Arc, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use softplug_gateway::reactor::{LaneId, Report};
-use tokio::sync::broadcast;
-
-use super::block_finder::BlockFinder;
-use super::cells::Cells;
-use super::drivers::Drivers;
-use super::drops::Drops;
-use super::journal_writer::JournalWriter;
 use super::link::Link;
-use super::loading::Loader;
-use super::results::Results;
-use super::watching::Audiences;
-use super::worker::Worker;
-use crate::config::Config;
-use crate::feeder::Feeder;
-use crate::jobs::{Job, Jobs, JobsError};
-use crate::programs::{Programs, Quotas, Receptions, Snapshots};
-use crate::reception_writer::ReceptionWriter;
-use crate::view::{Change, JobView, LinkView, StopHow, TimeMs};
-use crate::{Refusal, library};
+use super::{Control, Message, Parts, Shared};
+use crate::Refusal;
+use crate::jobs::{Job, JobsError};
+use crate::view::Change;
 
 /// How long a handle waits for the loop: it answers in microseconds, a disk that
 /// stands still may hold it up.
@@ -41,87 +24,6 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const TICK: Duration = Duration::from_millis(250);
 /// How often snapshots are removed that no job needs any more.
 pub(super) const SWEEP: Duration = Duration::from_hours(1);
-
-/// What the loop is told.
-pub(crate) enum Message {
-    /// By the reactor.
-    Report(LaneId, Report),
-    /// By a handle, or by work that was done elsewhere.
-    Do(Box<dyn FnOnce(&mut Control) + Send>),
-    /// By the library.
-    Library(library::LibraryNews),
-}
-
-/// What can be used from every thread.
-pub(crate) struct Shared {
-    pub(crate) inbox: Sender<Message>,
-    pub(crate) changes: broadcast::Sender<Arc<Change>>,
-    pub(crate) started_ms: TimeMs,
-    pub(crate) traces: PathBuf,
-    pub(crate) upload_bytes: u64,
-    pub(crate) parts: Parts,
-    pub(crate) is_stopping: AtomicBool,
-    /// Devices that stay open for the gateway that takes the place of this one.
-    pub(crate) kept: Mutex<Vec<OwnedFd>>,
-}
-
-/// The parts that guard themselves.
-pub(crate) struct Parts {
-    pub(crate) loader: Loader,
-    pub(crate) jobs: Jobs,
-    pub(crate) programs: Programs,
-    pub(crate) snapshots: Snapshots,
-    pub(crate) receptions: Receptions,
-    pub(crate) quotas: Quotas,
-    pub(crate) journal_writer: JournalWriter,
-    /// For what is written down and cleared away, and takes time.
-    pub(crate) worker: Worker,
-    /// For what machines ask for: a panel waits only for other panels.
-    pub(crate) requests: Worker,
-    /// For plug-ins that are compiled, of which one may take seconds.
-    pub(crate) loading: Worker,
-}
-
-/// What the loop owns.
-pub(crate) struct Control {
-    pub(super) shared: Arc<Shared>,
-    pub(super) config: Config,
-    pub(super) drivers: Drivers,
-    pub(super) feeder: Feeder,
-    pub(super) reception_writer: ReceptionWriter,
-    pub(super) links: BTreeMap<String, Link>,
-    pub(super) lanes: HashMap<LaneId, String>,
-    pub(super) cells: Cells,
-    pub(super) drops: Drops,
-    pub(super) audiences: Audiences,
-    /// Links as they were last shown.
-    pub(super) shown: HashMap<String, LinkView>,
-    /// Jobs under way as they were last shown, by link.
-    pub(super) shown_jobs: HashMap<String, JobView>,
-    pub(super) results: Results,
-    pub(super) next_lane: u32,
-    pub(super) began: Instant,
-    pub(super) next_sweep: Instant,
-    pub(super) next_sample: Instant,
-    pub(super) block_finder: BlockFinder,
-    pub(super) stopping: Option<Stopping>,
-    /// What a disk or a database last refused.
-    pub(super) trouble: Option<String>,
-    /// Why a changed configuration was not taken.
-    pub(super) config_trouble: Option<String>,
-}
-
-/// A stop under way.
-#[derive(Debug)]
-pub(super) struct Stopping {
-    pub(super) how: StopHow,
-    /// When jobs are no longer waited for.
-    pub(super) until: Option<Instant>,
-    /// Lanes are told to close; until then they may.
-    pub(super) closing: Option<Instant>,
-    /// Another gateway takes the place of this one: devices stay open.
-    pub(super) hands_over: bool,
-}
 
 impl Shared {
     /// Has the loop do something, and waits for what comes of it.

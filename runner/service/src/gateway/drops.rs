@@ -6,8 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::control::{Control, Shared};
-use super::{Gateway, calls};
+use super::{Control, Gateway, Shared, calls};
 use crate::Refusal;
 use crate::config::LinkConfig;
 use crate::disk::{Moment, is_full};

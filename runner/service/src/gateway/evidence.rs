@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use softplug_gateway::reactor::LaneFault;
 
-use super::control::Shared;
+use super::Shared;
 use super::loading::Prepared;
 use crate::supervise::evidence::{self, About};
 use crate::view::{FaultView, day, now_ms};

@@ -2,7 +2,7 @@
 
 use softplug_gateway::reactor::Command;
 
-use super::control::Control;
+use super::Control;
 use super::loading::Prepared;
 use crate::Refusal;
 use crate::jobs::{Subject, Weight};

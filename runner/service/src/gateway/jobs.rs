@@ -6,7 +6,7 @@ use softplug_gateway::reactor::{Command, Feed};
 use softplug_gateway::reservoir::{ReservoirReader, reservoir};
 use softplug_link::Job as LaneJob;
 
-use super::control::Control;
+use super::Control;
 use super::link::{EndsAs, Link, Running};
 use super::rate::Rate;
 use crate::Refusal;

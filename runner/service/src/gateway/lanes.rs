@@ -13,7 +13,7 @@ use softplug_gateway::reactor::{
 use softplug_gateway::units::UnitSetup;
 use softplug_host::Session;
 
-use super::control::Control;
+use super::Control;
 use super::history::History;
 use super::link::{After, Before, EndsAs, Lane, Link, PortFacts};
 use super::loading::Prepared;

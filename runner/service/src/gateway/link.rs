@@ -17,11 +17,12 @@ use super::history::History;
 use super::loading::Prepared;
 use super::rate::Rate;
 use super::simulated::Simulated;
-use crate::config::{LinkConfig, PortConfig};
+use crate::config::{LinkConfig, PortConfig, Probation};
 use crate::jobs::{Extent, Job, LaneProgress};
 use crate::supervise::{Follow, State, Supervisor};
 use crate::view::{
-    BlockView, FaultView, LinkState, PluginRef, SwapState, SwapView, TimeMs, UnappliedView, now_ms,
+    BlockView, FaultView, LinkState, PluginRef, SwapState, SwapView, SwapWhen, TimeMs,
+    UnappliedView, now_ms,
 };
 
 /// What is awaited for less than this is in the course of things: an answer to each block.
@@ -153,7 +154,19 @@ pub(crate) struct Swapping {
     /// Who waits for what comes of it.
     pub(crate) waits: Option<SyncSender<SwapView>>,
     /// What is to be done at once in its place, when it is known what became of it.
-    pub(crate) then: Option<Box<super::swaps::Wanted>>,
+    pub(crate) then: Option<Box<WantedSwap>>,
+    /// The plug-in as the configuration names it, if that asks for the swap.
+    pub(crate) configured: Option<String>,
+}
+
+/// A swap that was prepared.
+#[derive(Debug)]
+pub(crate) struct WantedSwap {
+    pub(crate) successor: Prepared,
+    pub(crate) when: SwapWhen,
+    /// As configured if `None`.
+    pub(crate) probation: Option<Probation>,
+    pub(crate) waits: Option<SyncSender<SwapView>>,
     /// The plug-in as the configuration names it, if that asks for the swap.
     pub(crate) configured: Option<String>,
 }

@@ -2,11 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-use super::control::{Control, Shared};
 use super::lanes::limits;
-use super::link::{After, Lane};
+use super::link::{After, Lane, WantedSwap};
 use super::loading::{Loader, Prepared, Unloadable};
-use super::swaps::Wanted;
+use super::{Control, Shared};
 use crate::config::{Config, ConfigError, ConfigFinding, LinkConfig};
 use crate::jobs::{Note, Subject, Weight};
 use crate::view::{ReloadView, RemadeLink, SwapWhen};
@@ -193,7 +192,7 @@ impl Control {
             return false;
         }
         if is_small && keys.iter().all(|key| AT_ONCE.contains(key) || BY_SWAP.contains(key)) {
-            let wanted = Wanted {
+            let wanted = WantedSwap {
                 successor: plugin.clone(),
                 when: SwapWhen::NowOrIdle,
                 probation: None,

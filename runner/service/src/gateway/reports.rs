@@ -5,7 +5,7 @@ use softplug_gateway::reactor::{
     Alarm, EndpointNews, JobEnd, JobOutcome, LaneFault, LaneId, Report,
 };
 
-use super::control::Control;
+use super::Control;
 use super::faults::described;
 use super::link::{After, Arriving, EndsAs, Lane};
 use crate::jobs::{Ending, Extent, Job, Left, Reason, Subject, Weight};

@@ -5,8 +5,8 @@ use softplug_catalogue::Notations;
 use softplug_gateway::reactor::Command;
 use softplug_gateway::store::Mark;
 
-use super::control::{Control, Shared};
 use super::link::{EndsAs, Link};
+use super::{Control, Shared};
 use crate::jobs::{self, Data, Job, JobSpec, Origin, Reception, Subject, Weight};
 use crate::programs::ProgramName;
 use std::io::{Read, Seek, SeekFrom};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::control::Control;
+use super::Control;
 use crate::Refusal;
 use crate::jobs::{Job, Jobs, JobsError};
 use crate::view::{JobBrief, JobView};

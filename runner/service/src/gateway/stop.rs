@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use softplug_gateway::reactor::Command;
 
-use super::control::{Control, Stopping};
 use super::link::{After, EndsAs, Lane};
+use super::{Control, Stopping};
 use crate::Refusal;
 use crate::jobs::{Note, Subject};
 use crate::view::{Change, StopHow};

@@ -2,14 +2,13 @@
 //! library.
 
 use std::sync::Arc;
-use std::sync::mpsc::SyncSender;
 
 use softplug_gateway::reactor::{Command, LaneFault, Probation, Swap, SwapReport, When};
 use softplug_link::{Spare, Successor};
 
-use super::control::Control;
+use super::Control;
 use super::faults::described;
-use super::link::{Lane, Swapping};
+use super::link::{Lane, Swapping, WantedSwap};
 use super::loading::Prepared;
 use crate::Refusal;
 use crate::config::{self, SwapPolicy, micros};
@@ -18,21 +17,13 @@ use crate::library::LibraryNews;
 use crate::supervise::{State, Taking};
 use crate::view::{Change, PluginRef, SwapState, SwapView, SwapWhen, now_ms};
 
-/// A swap that was prepared.
-#[derive(Debug)]
-pub(super) struct Wanted {
-    pub(super) successor: Prepared,
-    pub(super) when: SwapWhen,
-    /// As configured if `None`.
-    pub(super) probation: Option<config::Probation>,
-    pub(super) waits: Option<SyncSender<SwapView>>,
-    /// The plug-in as the configuration names it, if that asks for the swap.
-    pub(super) configured: Option<String>,
-}
-
 impl Control {
     /// Orders a swap.
-    pub(super) fn order_swap(&mut self, name: &str, wanted: Wanted) -> Result<SwapView, Refusal> {
+    pub(super) fn order_swap(
+        &mut self,
+        name: &str,
+        wanted: WantedSwap,
+    ) -> Result<SwapView, Refusal> {
         let link = self.link(name)?;
         let is_running = link.supervisor.state() == State::Running;
         if let Some(swap) = &mut link.swap
@@ -56,7 +47,7 @@ impl Control {
                 "the link \"{name}\" is being made anew with another configuration"
             )));
         }
-        let Wanted { successor, when, probation, waits, configured } = wanted;
+        let WantedSwap { successor, when, probation, waits, configured } = wanted;
         let view = ordered(name, Some(link.plugin.which.clone()), &successor);
         link.follow.ordered(successor.digest());
         if !is_running {
@@ -284,7 +275,7 @@ impl Control {
         if link.follow.asks(&successor.digest()) != Taking::Take {
             return;
         }
-        let wanted = Wanted { successor, when, probation: None, waits: None, configured: None };
+        let wanted = WantedSwap { successor, when, probation: None, waits: None, configured: None };
         if let Err(refusal) = self.order_swap(name, wanted) {
             tracing::warn!(link = name, %refusal, "a new version is not taken now");
         }

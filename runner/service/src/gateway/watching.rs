@@ -10,7 +10,7 @@ use data_encoding::HEXUPPER;
 use softplug_abi::ModemLines;
 use softplug_gateway::reactor::{Command, LaneId, Seen as LaneSeen, Watch, WatchEvent};
 
-use super::control::{Control, Shared};
+use super::{Control, Shared};
 use crate::Refusal;
 use crate::view::{Seen, SeenWhat};
 

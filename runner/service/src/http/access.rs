@@ -4,7 +4,7 @@
 use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::num::NonZeroU32;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 
 use axum::extract::{ConnectInfo, FromRequestParts, Request, State};
 use axum::http::request::Parts;
@@ -14,10 +14,12 @@ use axum::response::{IntoResponse, Response};
 use governor::{DefaultKeyedRateLimiter, Quota, RateLimiter};
 
 use super::connections::Connections;
+use super::limits::HEAD_BYTES;
 use super::names::Names;
-use super::options::{HEAD_BYTES, Limits};
 use super::problem::Problem;
 use super::tokens::{Role, Tokens};
+use crate::config::http::Limits;
+use crate::metrics::Tally;
 
 /// Addresses are forgotten after so many requests, as far as they have been quiet.
 const FORGET_EVERY: u64 = 4096;
@@ -30,19 +32,6 @@ pub(super) struct AccessControl {
     rate: DefaultKeyedRateLimiter<IpAddr>,
     connections: Connections,
     pub(super) tally: Tally,
-}
-
-/// Counters of requests.
-#[derive(Debug, Default)]
-pub(crate) struct Tally {
-    /// All that came.
-    pub(crate) requests: AtomicU64,
-    /// Without a token that is known.
-    pub(crate) strangers: AtomicU64,
-    /// Over the rate.
-    pub(crate) hasty: AtomicU64,
-    /// Answered with a status of 500 or above.
-    pub(crate) failed: AtomicU64,
 }
 
 impl AccessControl {

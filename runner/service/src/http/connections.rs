@@ -17,7 +17,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Instant, Sleep, sleep_until};
 
-use super::options::Limits;
+use crate::config::http::Limits;
 
 /// All connections, by where they come from.
 #[derive(Clone, Debug)]

@@ -7,7 +7,7 @@ use axum::http::{StatusCode, header};
 use serde::de::DeserializeOwned;
 use tokio::time::timeout;
 
-use super::options::{DOCUMENT_BYTES, DOCUMENT_PATIENCE};
+use super::limits::{DOCUMENT_BYTES, DOCUMENT_PATIENCE};
 use super::problem::Problem;
 
 /// The variable parts of the path.

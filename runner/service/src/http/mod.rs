@@ -6,8 +6,8 @@
 mod access;
 mod connections;
 mod extract;
+mod limits;
 mod names;
-mod options;
 mod problem;
 mod routes;
 mod server;
@@ -16,8 +16,7 @@ mod tls;
 mod tokens;
 mod upload;
 
-pub(crate) use access::Tally;
-pub use options::{Certificate, Limits, Options};
+pub use crate::config::http::{Certificate, Limits, Options};
 pub use problem::Problem;
 pub use routes::MeView;
 pub use server::{ServeError, Server};

@@ -15,10 +15,11 @@ use tokio::sync::watch;
 
 use super::access::AccessControl;
 use super::connections::Connections;
+use super::limits::HEAD_BYTES;
 use super::names::Names;
-use super::options::{HEAD_BYTES, Options};
 use super::tls::{self, CertificateError};
 use super::tokens::{Tokens, TokensError};
+use crate::config::http::Options;
 
 /// Connections that wait to be accepted.
 const BACKLOG: u32 = 1024;

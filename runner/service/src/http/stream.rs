@@ -9,7 +9,7 @@ use tokio::sync::{OwnedSemaphorePermit, mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_stream::wrappers::ReceiverStream;
 
-use super::options::HEARTBEAT;
+use super::limits::HEARTBEAT;
 
 /// Most news at one look.
 const BATCH: usize = 4_096;

@@ -9,7 +9,7 @@ use rustls::crypto::ring;
 use rustls::pki_types::pem::{self, PemObject as _};
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 
-use super::options::Certificate;
+use crate::config::http::Certificate;
 
 /// Why a certificate cannot be used.
 #[derive(Debug, thiserror::Error)]

@@ -12,7 +12,7 @@ use tokio::task::spawn_blocking;
 use tokio::time::{Instant, timeout};
 use tokio_stream::StreamExt as _;
 
-use super::options::Pace;
+use super::limits::Pace;
 use super::problem::Problem;
 
 /// Pieces between the network and the reader.
@@ -109,7 +109,7 @@ async fn pass_on(
 
 #[cfg(test)]
 mod tests {
-    use super::super::options::UPLOAD_PACE;
+    use super::super::limits::UPLOAD_PACE;
     use super::*;
 
     fn run<T>(future: impl Future<Output = T>) -> T {

@@ -5,9 +5,9 @@ use std::path::Path;
 use softplug_cell::Stop;
 use softplug_trial::is_beginning;
 
-use super::{JobSpec, JobsError, blocks};
+use super::{JobSpec, JobsError};
 use crate::disk::DiskError;
-use crate::programs::Snapshots;
+use crate::programs::{Snapshots, blocks};
 
 /// Where a job begins.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]

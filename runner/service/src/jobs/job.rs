@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 use softplug_catalogue::is_same_program;
-use softplug_host::Digest;
 
 use super::State;
+use crate::programs::Data;
 pub use crate::view::{CheckFault, JobOrigin as Origin};
 
 /// What kind of work a job is.
@@ -17,16 +17,6 @@ pub enum Kind {
     Fetch,
     /// The machine sends of its own accord.
     Receive,
-}
-
-/// A program's content as it was when the job was given.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Data {
-    /// SHA-256.
-    #[serde(rename = "sha256", with = "crate::disk::digest_text")]
-    pub digest: Digest,
-    /// Bytes.
-    pub size: u64,
 }
 
 /// What to do: a job before it has a number.
@@ -276,6 +266,8 @@ pub(super) fn next<'a>(jobs: impl Iterator<Item = &'a Job> + Clone) -> Option<&'
 
 #[cfg(test)]
 mod tests {
+    use softplug_host::Digest;
+
     use super::*;
     use proptest::prelude::*;
 

@@ -6,7 +6,6 @@
 
 mod ballast;
 mod begin;
-pub mod blocks;
 mod cell;
 mod claims;
 mod error;
@@ -17,26 +16,29 @@ mod reading;
 mod receiving;
 mod shown;
 mod state;
+mod stopped;
 mod store;
 mod tables;
 mod told;
 mod turns;
 
+#[doc(inline)]
+pub use crate::programs::blocks::{self, Between, Block};
+#[doc(inline)]
+pub use crate::programs::{Data, Today};
 pub use begin::{BeginAt, Words, beginning_at};
-pub use blocks::{Between, Block};
 pub use cell::{Arrived, CellStep, Resumed};
 pub use claims::{Claim, Claimed};
 pub use error::{JobsError, StoreError};
 pub use job::{
-    CheckFault, Comparison, Data, Extent, Job, JobSpec, Kind, Left, Origin, Reason, Reception,
-    Start,
+    CheckFault, Comparison, Extent, Job, JobSpec, Kind, Left, Origin, Reason, Reception, Start,
 };
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
 pub use progress::LaneProgress;
 pub(crate) use progress::grouped;
 pub use reading::JobsReader;
 pub use state::{State, Step, after};
-pub use store::{Sent, Today};
+pub use tables::Sent;
 
 use std::collections::BTreeMap;
 use std::path::Path;

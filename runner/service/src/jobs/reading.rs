@@ -13,9 +13,8 @@ use softplug_cell::Stop;
 use softplug_host::Digest;
 
 use super::error::StoreError;
-use super::store::Sent;
 use super::tables::{
-    BY_LINK, BY_STATE, CELLS, JOBS, JOURNAL, RECEIVED, SENT, STATES, STOPS, code, decoded,
+    BY_LINK, BY_STATE, CELLS, JOBS, JOURNAL, RECEIVED, SENT, STATES, STOPS, Sent, code, decoded,
 };
 use super::{Data, Entry, EntryFilter, Job, JobFilter, JobsError, plain_name};
 

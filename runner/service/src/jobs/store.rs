@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
 use redb::{Database, ReadableDatabase, ReadableTable};
-use serde::{Deserialize, Serialize};
 use softplug_cell::Stop;
 use softplug_gateway::store::sync_folder;
 
@@ -15,9 +14,12 @@ use super::ballast::Ballast;
 use super::error::StoreError;
 use super::reading::{JobsReader, Opened};
 use super::tables::{
-    CELLS, CLAIMS, DROP_FOLDERS, JOBS, JOURNAL, JobTables, NUMBERS, SENT, TODAY, decoded, encoded,
+    CELLS, CLAIMS, DROP_FOLDERS, JOBS, JOURNAL, JobTables, NUMBERS, SENT, Sent, TODAY, decoded,
+    encoded,
 };
-use super::{Data, Entry, Job, Keep, Note};
+use super::{Entry, Job, Keep, Note};
+use crate::programs::Today;
+use crate::view::DAY;
 
 const NEXT_JOB: &str = "next-job";
 const NEXT_ENTRY: &str = "next-entry";
@@ -29,39 +31,9 @@ const CACHE_BYTES: usize = 4 << 20;
 const LOOK_EVERY: u64 = 64;
 /// Entries that go with one change at most: a change must not take long.
 const PRUNED_AT_ONCE: usize = 2 * LOOK_EVERY as usize;
-/// In milliseconds.
-const DAY: u64 = 24 * 60 * 60 * 1_000;
 
 /// Where the database is; opened anew after an error.
 pub(super) type Open = Box<dyn FnMut() -> Result<Database, redb::Error> + Send>;
-
-/// What was sent last.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Sent {
-    /// The job.
-    pub job: u32,
-    /// What it sent.
-    #[serde(flatten)]
-    pub data: Data,
-}
-
-/// What a link has received on one day, which begins at midnight UTC.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
-pub struct Today {
-    pub(crate) day: u64,
-    /// Receptions that were begun.
-    pub receptions: u64,
-    /// Bytes of those that have ended.
-    pub bytes: u64,
-}
-
-impl Today {
-    /// What counts at this time: of another day nothing does.
-    fn at(self, now: u64) -> Self {
-        let day = now / DAY;
-        if self.day == day { self } else { Self { day, ..Self::default() } }
-    }
-}
 
 /// What is written in one go, or not at all.
 #[derive(Default)]

@@ -4,11 +4,11 @@ use redb::{
     ReadTransaction, ReadableTable, ReadableTableMetadata, Table, TableDefinition, TableError,
     WriteTransaction,
 };
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use softplug_cell::Stop;
 
-use super::{Job, State};
+use super::{Data, Job, State};
 
 pub(super) const JOBS: TableDefinition<u32, &[u8]> = TableDefinition::new("jobs");
 /// So that a page of the jobs in one state is found without reading others.
@@ -36,6 +36,16 @@ pub(super) const STOPS: TableDefinition<u32, &[u8]> = TableDefinition::new("stop
 
 /// Jobs that go with one change at most: a change must not take long.
 const PRUNED_AT_ONCE: usize = 8;
+
+/// What was sent last.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Sent {
+    /// The job.
+    pub job: u32,
+    /// What it sent.
+    #[serde(flatten)]
+    pub data: Data,
+}
 
 /// All states, each at the place that is its code. A code never changes.
 pub(super) const STATES: [State; 7] = [

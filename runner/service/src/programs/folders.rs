@@ -11,9 +11,8 @@ use serde::{Deserialize, Serialize};
 use softplug_catalogue::{HEAD_BYTES, Notations, is_same_program};
 use softplug_gateway::store::{Shelf, safe_name, sync_folder};
 
-use super::{ProgramError, Snapshots};
+use super::{Data, ProgramError, Snapshots};
 use crate::disk::{self, DiskError, make_folder};
-use crate::jobs::Data;
 
 /// Folders within folders, at most.
 const DEPTH: usize = 5;

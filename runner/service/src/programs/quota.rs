@@ -12,7 +12,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use thiserror::Error;
 
-use crate::jobs::Today;
+use crate::view::DAY;
 
 /// What one link may receive.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -29,6 +29,24 @@ impl Default for Quota {
     /// More than any serial line brings in a day.
     fn default() -> Self {
         Self { reception: 256 << 20, receptions: 100_000, bytes: 4 << 30 }
+    }
+}
+
+/// What a link has received on one day, which begins at midnight UTC.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub struct Today {
+    pub(crate) day: u64,
+    /// Receptions that were begun.
+    pub receptions: u64,
+    /// Bytes of those that have ended.
+    pub bytes: u64,
+}
+
+impl Today {
+    /// What counts at this time: of another day nothing does.
+    pub(crate) fn at(self, now: u64) -> Self {
+        let day = now / DAY;
+        if self.day == day { self } else { Self { day, ..Self::default() } }
     }
 }
 

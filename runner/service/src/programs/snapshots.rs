@@ -3,19 +3,29 @@
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, TryLockError};
 use std::time::SystemTime;
 
+use serde::{Deserialize, Serialize};
 use softplug_catalogue::{HEAD_BYTES, Notations};
 use softplug_host::Digest;
 
 use super::ProgramError;
 use crate::disk::{self, DiskError, Object, Objects};
-use crate::jobs::{Between, Data, Extent, Job, blocks};
 
 /// A program that changes while it is copied is copied again so often.
 const ATTEMPTS: usize = 3;
+
+/// A program's content as it was when the job was given.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Data {
+    /// SHA-256.
+    #[serde(rename = "sha256", with = "crate::disk::digest_text")]
+    pub digest: Digest,
+    /// Bytes.
+    pub size: u64,
+}
 
 /// A folder of snapshots, by content.
 #[derive(Clone, Debug)]
@@ -100,15 +110,9 @@ impl Snapshots {
         notations.name_in(&head)
     }
 
-    /// Between which blocks of its program a job stopped; nothing if it has none.
-    ///
-    /// # Errors
-    /// The snapshot cannot be read.
-    pub fn between(&self, job: &Job) -> Result<Between, DiskError> {
-        let Some(data) = job.spec.data else { return Ok(Between::default()) };
-        let Extent { surely, maybe } = job.extent;
-        let found = blocks::between(self.open(data)?, surely, maybe);
-        found.map_err(DiskError::when("read", &self.objects.path(data.digest)))
+    /// Where the file of one is.
+    pub(crate) fn path(&self, data: Data) -> PathBuf {
+        self.objects.path(data.digest)
     }
 
     /// Removes all but those that `needed` tells; how many bytes. `None`: somebody has a

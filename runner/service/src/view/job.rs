@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use utoipa::{IntoParams, ToSchema};
 
-use super::{FieldView, TimeMs};
+use super::TimeMs;
 
 /// A job.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, ToSchema)]
@@ -234,15 +234,4 @@ pub struct JobFilter {
     /// At most so many, the newest first; 100 if nothing is said, 1,000 at most.
     #[param(maximum = 1000)]
     pub limit: Option<u32>,
-}
-
-/// A kind of job that a link's plug-in takes, or of a request that it makes.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
-pub struct KindView {
-    /// Its name.
-    pub name: String,
-    /// What it does.
-    pub text: String,
-    /// Its fields.
-    pub fields: Vec<FieldView>,
 }

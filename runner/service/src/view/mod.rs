@@ -28,15 +28,15 @@ pub use check::{AlteredView, CheckResult, CheckView};
 pub use health::{HealthView, LinkCounts, ReadyView, ReloadView, RemadeLink, StopHow};
 pub use history::{HistorySpan, HistoryView};
 pub use job::{
-    BlockView, CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobProgress, JobState,
-    JobView, KindView,
+    BlockView, CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobProgress, JobState, JobView,
 };
 pub use journal::{JournalEntry, JournalFilter, JournalKind, JournalWeight};
 pub use link::{
     AlarmView, BufferView, CountersView, DownView, DropView, EndpointView, FaultView, LatheView,
     LinkState, LinkView, PortView, QuarantineView, ReceivingView, UnappliedView,
 };
-pub use plugin::{FieldView, PluginRef, PluginView, SettingView};
+pub use plugin::{FieldView, KindView, PluginRef, PluginView, SettingView};
 pub use program::{Compared, ProgramView, ReceptionView};
 pub use swap::{ProbationOrder, ProbationView, SwapOrder, SwapState, SwapView, SwapWhen};
+pub(crate) use time::DAY;
 pub use time::{TimeMs, day, now_ms, utc};

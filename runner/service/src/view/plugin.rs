@@ -3,8 +3,6 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::KindView;
-
 /// Which plug-in.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, ToSchema)]
 pub struct PluginRef {
@@ -60,6 +58,17 @@ pub struct SettingView {
     pub choices: Vec<String>,
     /// What it does.
     pub text: String,
+}
+
+/// A kind of job that a link's plug-in takes, or of a request that it makes.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
+pub struct KindView {
+    /// Its name.
+    pub name: String,
+    /// What it does.
+    pub text: String,
+    /// Its fields.
+    pub fields: Vec<FieldView>,
 }
 
 /// A field of a kind of job.

@@ -7,6 +7,9 @@ use time::OffsetDateTime;
 /// A time of day, in milliseconds since 1970 (UTC).
 pub type TimeMs = u64;
 
+/// In milliseconds.
+pub(crate) const DAY: TimeMs = 24 * 60 * 60 * 1_000;
+
 /// Now.
 pub fn now_ms() -> TimeMs {
     // A clock before 1970 is one that was never set.

@@ -1,5 +1,4 @@
 //! Ports on systems that are not Linux, below the common interface.
 
 pub(crate) mod holders;
-mod source;
 pub(crate) mod tty;

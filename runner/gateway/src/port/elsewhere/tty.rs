@@ -13,11 +13,11 @@ use std::time::Duration;
 use serialport::{ClearBuffer, DataBits, FlowControl, Parity as Bit, SerialPort, StopBits};
 use softplug_abi::{LineParameters, LinkDownReason, ModemLines, Parity};
 
+use crate::difference::{SettingDifference, line_differences, refused};
 use crate::error::{BadSpec, PortError};
-use crate::port::difference::{SettingDifference, line_differences, refused};
 use crate::port::input_sink::{Backlog, InputSink};
 use crate::port::marks::Input;
-use crate::port::open::ReadOutcome;
+use crate::port::read_outcome::ReadOutcome;
 use crate::port::scratch::with_scratch;
 use crate::port::spec::{Flow, PortOptions};
 

@@ -13,14 +13,14 @@ use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines};
 
 use self::liveness::Liveness;
 use self::session::{Broken, Opening, Session};
-use super::difference::{SettingDifference, refused};
 use super::input_sink::{Backlog, InputOnly, InputSink};
 use super::marks::Input;
-use super::open::ReadOutcome;
+use super::read_outcome::ReadOutcome;
 use super::scratch::with_scratch;
 use super::spec::{PortOptions, address_text};
 use super::stream::Stream;
 use crate::clock::Clock;
+use crate::difference::{SettingDifference, refused};
 use crate::error::PortError;
 use crate::poll::{Interest, Poller};
 

@@ -14,13 +14,13 @@ use rfc2217::{
 };
 use softplug_abi::{LineErrorKind, LineParameters, ModemLines};
 
-use super::super::difference::{
-    BAUD_RATE, DifferenceWeight, SettingDifference, setting_texts, weight_of_rate,
-};
 use super::super::marks::Input;
 use super::super::rfc2217_bound::SubnegotiationBound;
 use super::super::rfc2217_values::{inputs_of, settings_of};
 use super::super::spec::{Flow, PortOptions};
+use crate::difference::{
+    BAUD_RATE, DifferenceWeight, SettingDifference, setting_texts, weight_of_rate,
+};
 
 /// `IAC SB COM-PORT-OPTION SET-LINESTATE-MASK (overrun, parity, framing,
 /// break) IAC SE`: without it a server tells no line errors.

@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use softplug_cell::{Cell, Change, ChannelId, Chart, End, Event, Refused, Saved, Stop};
 use softplug_gateway::reactor::Command;
 
-use super::control::Control;
+use super::Control;
 use super::link::Running;
 use crate::Refusal;
 use crate::config::CellConfig;

@@ -4,7 +4,7 @@ use std::io::Read;
 
 use softplug_cell::{ChannelId, Program, Stop, Word};
 
-use super::super::control::Shared;
+use super::super::Shared;
 use crate::Refusal;
 use crate::config::CellConfig;
 use crate::jobs::Data;

@@ -10,7 +10,7 @@ use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
 use super::super::extract::{Document, Filter, Segments};
-use super::super::options::FEED_PACE;
+use super::super::limits::FEED_PACE;
 use super::super::problem::{Problem, Refused};
 use super::super::upload;
 use super::{Answer, At, within_limit};

@@ -7,7 +7,7 @@ use axum::http::StatusCode;
 
 use super::super::access::Admin;
 use super::super::extract::Segments;
-use super::super::options::{PLUGIN_BYTES, UPLOAD_PACE};
+use super::super::limits::{PLUGIN_BYTES, UPLOAD_PACE};
 use super::super::problem::{Problem, Refused};
 use super::super::upload;
 use super::{Answer, At};

@@ -7,7 +7,7 @@ use axum::extract::State;
 
 use super::super::access::Admin;
 use super::super::extract::{Document, Segments};
-use super::super::options::GATHER;
+use super::super::limits::GATHER;
 use super::super::problem::Refused;
 use super::super::stream::{self, Polled, Stream, Telling};
 use super::{Answer, At};

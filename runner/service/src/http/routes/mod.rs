@@ -28,9 +28,10 @@ use utoipa_axum::routes;
 pub use system::MeView;
 
 use super::access::{self, AccessControl};
-use super::options::{CHECKS, FEEDS, LOOKS, Limits, STREAMS, UPLOADS};
+use super::limits::{CHECKS, FEEDS, LOOKS, STREAMS, UPLOADS};
 use super::problem::Problem;
 use super::server::RouteParts;
+use crate::config::http::Limits;
 use crate::{Gateway, Refusal};
 
 /// What every handler can reach.

@@ -10,7 +10,7 @@ use utoipa::IntoParams;
 
 use super::super::access::Admin;
 use super::super::extract::{Filter, Segments};
-use super::super::options::UPLOAD_PACE;
+use super::super::limits::UPLOAD_PACE;
 use super::super::problem::Refused;
 use super::super::upload;
 use super::{Answer, At, download};

@@ -14,7 +14,7 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::super::access::Admin;
 use super::super::extract::Filter;
-use super::super::options::GATHER_CHANGES;
+use super::super::limits::GATHER_CHANGES;
 use super::super::problem::{Problem, Refused};
 use super::super::stream::{self, Polled, Stream, Telling};
 use super::super::tokens::Role;

@@ -12,6 +12,10 @@
 //! failed/O1.nc, O1.nc.txt   it has not
 //! ```
 
+mod shelf;
+
+pub(super) use shelf::Shelf;
+
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -27,13 +31,12 @@ use rustix::io::Errno;
 
 use super::names::is_passed_over;
 use super::settling::FileState;
-use super::shelf::Shelf;
 
 /// Names that are looked at in one go; what is more than these waits until there are fewer.
 const LISTED: usize = 20_000;
 const OWNER: &str = ".owner";
 /// In the folder of a claim: its file is about to be put away, and if it is not there, it has been.
-pub(super) const AWAY: &str = ".away";
+const AWAY: &str = ".away";
 /// Most bytes of it.
 const OWNER_BYTES: u64 = 4_096;
 /// A claim's name: a time and a random number, in hex digits.
@@ -42,8 +45,8 @@ const CLAIM: usize = 13 + 16;
 /// An open drop folder.
 #[derive(Debug)]
 pub(super) struct Place {
-    pub(super) folder: OwnedFd,
-    pub(super) work: OwnedFd,
+    folder: OwnedFd,
+    work: OwnedFd,
 }
 
 /// What stands in it.
@@ -278,7 +281,7 @@ fn mode(bits: u32) -> Mode {
 }
 
 /// A folder of this one, which is made if need be.
-pub(super) fn below(folder: BorrowedFd<'_>, name: &str) -> io::Result<OwnedFd> {
+fn below(folder: BorrowedFd<'_>, name: &str) -> io::Result<OwnedFd> {
     match mkdirat(folder, name, mode(0o777)) {
         Ok(()) | Err(Errno::EXIST) => child(folder, name),
         // What is there is there, also where nothing may be made.
@@ -286,13 +289,13 @@ pub(super) fn below(folder: BorrowedFd<'_>, name: &str) -> io::Result<OwnedFd> {
     }
 }
 
-pub(super) fn child(folder: BorrowedFd<'_>, name: &str) -> io::Result<OwnedFd> {
+fn child(folder: BorrowedFd<'_>, name: &str) -> io::Result<OwnedFd> {
     let flags = OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
     Ok(openat(folder, name, flags, Mode::empty())?)
 }
 
 /// Neither a link is followed, nor a pipe waited for.
-pub(super) fn read(folder: BorrowedFd<'_>, name: &OsStr) -> io::Result<File> {
+fn read(folder: BorrowedFd<'_>, name: &OsStr) -> io::Result<File> {
     let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
     let file = File::from(openat(folder, name, flags, Mode::empty())?);
     if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other("it is no file")) }
@@ -318,7 +321,7 @@ fn beside_owner() -> OsString {
 }
 
 /// Writes a file that only we know, until all of it is there.
-pub(super) fn write_new(folder: &OwnedFd, name: &OsStr, text: &str) -> io::Result<()> {
+fn write_new(folder: &OwnedFd, name: &OsStr, text: &str) -> io::Result<()> {
     let flags =
         OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
     let mut file = File::from(openat(folder, name, flags, mode(0o666))?);
@@ -326,12 +329,7 @@ pub(super) fn write_new(folder: &OwnedFd, name: &OsStr, text: &str) -> io::Resul
 }
 
 /// Never overwrites. Some shares have no such rename: there it is looked first.
-pub(super) fn rename_to_new(
-    from: &OwnedFd,
-    name: &OsStr,
-    to: &OwnedFd,
-    new: &OsStr,
-) -> Result<(), Errno> {
+fn rename_to_new(from: &OwnedFd, name: &OsStr, to: &OwnedFd, new: &OsStr) -> Result<(), Errno> {
     match renameat_with(from, name, to, new, RenameFlags::NOREPLACE) {
         Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
             if statat(to, new, AtFlags::SYMLINK_NOFOLLOW).is_ok() {
@@ -344,7 +342,7 @@ pub(super) fn rename_to_new(
 }
 
 /// Some shares cannot bring a folder onto the disk, and say so: then it is theirs to see to.
-pub(super) fn sync(folder: &OwnedFd) {
+fn sync(folder: &OwnedFd) {
     let _ = rustix::fs::fsync(folder);
 }
 

@@ -1,7 +1,7 @@
 //! Whether a port has something to read.
 
+use super::open::Port;
 use crate::poll::Source;
-use crate::port::Port;
 
 impl Source for Port {
     fn is_readable(&self) -> bool {

@@ -6,11 +6,11 @@ use softplug_link::LinkFault;
 use std::error::Error;
 use std::fmt::Write as _;
 
-use super::swapping::event_of;
 use super::{Lane, Phase};
 use crate::channel::ChannelError;
 use crate::reactor::LaneInstance;
-use crate::reactor::report::{LaneFault, Report};
+use crate::reactor::fault::LaneFault;
+use crate::reactor::report::Report;
 use crate::reactor::thread::Thread;
 use crate::recorder::{Recorded, Recording, checkpoint, recording};
 
@@ -103,6 +103,16 @@ pub(super) fn fault_of<F: Error + 'static>(
 ) -> LaneFault {
     let (event, sentence) = (event_of(fault), sentence(fault));
     LaneFault { event, sentence, last_words, recording, on_probation: false }
+}
+
+/// The event of a fault.
+fn event_of<F: Error>(fault: &LinkFault<F>) -> Option<EventKind> {
+    match fault {
+        LinkFault::Instance { event, .. }
+        | LinkFault::Malformed { event, .. }
+        | LinkFault::Rule { event, .. } => Some(*event),
+        LinkFault::Ended => None,
+    }
 }
 
 /// An error with all that caused it, which it does not say itself.

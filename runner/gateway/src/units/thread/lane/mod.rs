@@ -3,8 +3,6 @@
 mod jobs;
 mod plugin;
 
-pub(super) use plugin::pairs;
-
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -13,22 +11,16 @@ use softplug_unit_bus::{Consumption, Unit};
 use softplug_unit_protocol::{Digest, SlotState, ToServer, ToUnit};
 use softplug_unit_uplink::Outbox;
 
-use super::delivery::{Arrivals, Flood};
-use super::job::UnitJob;
-use super::thread::Thread;
-use super::{UnitCommand, UnitLinkFigures, UnitPlugin, UnitSetup, UnitSlotFigures, piece};
+use super::Thread;
 use crate::allowance::Allowance;
 use crate::reactor::{Condition, JobEnd, JobOutcome, LaneId, LaneStatus, Report};
 use crate::text::plain_text;
+use crate::units::delivery::{Arrivals, Flood};
+use crate::units::job::UnitJob;
+use crate::units::{
+    UnitCommand, UnitLinkFigures, UnitPlugin, UnitSetup, UnitSlotFigures, longest_fields, piece,
+};
 use plugin::{Change, fault};
-
-/// The longest fields of a job, and settings, in bytes: they must fit into a message.
-const LONGEST_FIELDS: usize = 900;
-
-/// The longest ones that the other end takes.
-pub(super) fn longest_fields(outbox: &Outbox) -> usize {
-    LONGEST_FIELDS.min(piece(outbox))
-}
 
 /// Most requests of a machine that are not answered.
 const MOST_REQUESTS: usize = 256;

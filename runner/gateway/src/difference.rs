@@ -47,7 +47,7 @@ impl fmt::Display for SettingDifference {
 }
 
 /// Weight of a rate that is not the one that was asked for.
-pub(super) fn weight_of_rate(asked: u32, has: u32) -> DifferenceWeight {
+pub(crate) fn weight_of_rate(asked: u32, has: u32) -> DifferenceWeight {
     let apart = u64::from(asked.abs_diff(has));
     if apart * 1_000 <= u64::from(asked) * RATE_TOLERANCE {
         DifferenceWeight::Note
@@ -57,7 +57,7 @@ pub(super) fn weight_of_rate(asked: u32, has: u32) -> DifferenceWeight {
 }
 
 /// What a line has otherwise than it was asked for.
-pub(super) fn line_differences(
+pub(crate) fn line_differences(
     asked: LineParameters,
     has: LineParameters,
 ) -> Vec<SettingDifference> {
@@ -77,10 +77,10 @@ pub(super) fn line_differences(
 }
 
 /// Name of the first of [`setting_texts`].
-pub(super) const BAUD_RATE: &str = "baud rate";
+pub(crate) const BAUD_RATE: &str = "baud rate";
 
 /// The settings of a line by name, as people write them.
-pub(super) fn setting_texts(line: LineParameters) -> [(&'static str, String); 4] {
+pub(crate) fn setting_texts(line: LineParameters) -> [(&'static str, String); 4] {
     [
         (BAUD_RATE, line.baud.to_string()),
         ("data bits", line.data_bits.to_string()),
@@ -107,7 +107,7 @@ fn parity_name(parity: Parity) -> &'static str {
 }
 
 /// Those of them that stand in the way, if any do.
-pub(super) fn refused(differences: &[SettingDifference]) -> Option<Vec<SettingDifference>> {
+pub(crate) fn refused(differences: &[SettingDifference]) -> Option<Vec<SettingDifference>> {
     let refused = differences.iter().filter(|difference| difference.is_refused());
     let refused: Vec<_> = refused.cloned().collect();
     (!refused.is_empty()).then_some(refused)
@@ -115,7 +115,7 @@ pub(super) fn refused(differences: &[SettingDifference]) -> Option<Vec<SettingDi
 
 /// The differences of a port that has neither rate nor parity, a pty: none stands in
 /// the way.
-pub(super) fn noted(mut differences: Vec<SettingDifference>) -> Vec<SettingDifference> {
+pub(crate) fn noted(mut differences: Vec<SettingDifference>) -> Vec<SettingDifference> {
     for difference in &mut differences {
         difference.weight = DifferenceWeight::Note;
     }

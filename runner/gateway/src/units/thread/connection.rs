@@ -12,12 +12,10 @@ use softplug_unit_uplink::{
 };
 
 use super::lane::{Around, UnitLane};
-use super::thread::{Thread, ThreadCommand};
-use super::{UnitCommand, UnitPlace, UnitSetup};
+use super::{Thread, ThreadCommand};
 use crate::reactor::{Backoff, LaneId};
 use crate::text::plain_text;
-
-pub(super) type ServerSession = Session<16, 1024>;
+use crate::units::{ServerSession, UnitCommand, UnitPlace, UnitSetup};
 
 /// A connection that is not made after this span is tried anew.
 const CONNECTING: Micros = Micros::from_millis(5_000);

@@ -1,6 +1,8 @@
 //! One thread that drives lanes: what is ready, what is due, what is told,
 //! each lane a bounded turn, round and round.
 
+mod lane;
+
 use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Registry, Token};
 use softplug_abi::Instance;
@@ -13,7 +15,6 @@ use std::task::Wake;
 
 use super::deadlines::Deadlines;
 use super::host::LaneHost;
-use super::lane::{Lane, TOKENS, Turn};
 use super::opener::Opener;
 use super::setup::{Command, LaneId, LaneSetup};
 use super::status::LaneStatus;
@@ -22,6 +23,7 @@ use crate::clock::Clock;
 use crate::error::PortError;
 use crate::port::{Port, PortOptions, PortSpec};
 use crate::timer::Timer;
+use lane::{Lane, TOKENS, Turn};
 
 const TIMER: Token = Token(usize::MAX - 1);
 const WAKER: Token = Token(usize::MAX - 2);

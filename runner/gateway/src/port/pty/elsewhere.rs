@@ -5,8 +5,8 @@ use std::path::Path;
 use softplug_abi::LineParameters;
 
 use crate::error::PortError;
-use crate::port::ReadOutcome;
 use crate::port::input_sink::InputSink;
+use crate::port::read_outcome::ReadOutcome;
 
 /// A pty: there is none.
 #[derive(Copy, Clone, Debug)]

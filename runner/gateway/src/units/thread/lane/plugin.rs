@@ -3,12 +3,12 @@
 use softplug_abi::{LinkDownReason, Micros};
 use softplug_unit_protocol::{Digest, SlotState, SwapOutcome, ToUnit, WhenCode};
 
-use super::{AGAIN, Around, UnitLane, longest_fields};
+use super::{AGAIN, Around, UnitLane};
 use crate::reactor::{LaneFault, Probation, Report, SwapReport, When};
 use crate::recorder::Recording;
 use crate::text::plain_text;
 use crate::units::headway::Headway;
-use crate::units::{UnitPlugin, piece};
+use crate::units::{UnitPlugin, longest_fields, pairs, piece};
 
 /// A plug-in on its way into the unit.
 pub(super) struct Change {
@@ -194,14 +194,4 @@ pub(super) fn fault(sentence: &str, on_probation: bool) -> LaneFault {
         recording: Recording::default(),
         on_probation,
     }
-}
-
-/// Each text ended by a byte 00.
-pub(in crate::units) fn pairs(settings: &[(String, String)]) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    for text in settings.iter().flat_map(|(name, value)| [name, value]) {
-        bytes.extend_from_slice(text.as_bytes());
-        bytes.push(0);
-    }
-    bytes
 }

@@ -1,5 +1,9 @@
 //! The thread that drives all units.
 
+mod buses;
+mod connection;
+mod lane;
+
 use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -11,13 +15,13 @@ use mio::{Events, Poll, Token};
 use softplug_abi::Micros;
 use softplug_unit_uplink::waker_of;
 
-use super::buses::Buses;
-use super::connection::Connection;
-use super::lane::UnitLane;
 use super::{BusSetup, BusSurvey, UnitCommand, UnitLinkFigures, UnitSetup};
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::reactor::{LaneId, LaneStatus, Report};
+use buses::Buses;
+use connection::Connection;
+use lane::UnitLane;
 
 const WAKER: Token = Token(usize::MAX);
 

@@ -1,7 +1,7 @@
 //! A lane's plug-in is swapped: at once, when nothing is under way, on probation.
 
 use softplug_abi::{Instance, Micros};
-use softplug_link::{LinkFault, Spare, Successor, SwapError};
+use softplug_link::{Spare, Successor, SwapError};
 
 use super::faults::{fault_of, sentence};
 use super::{Lane, Phase};
@@ -243,17 +243,5 @@ impl<I: LaneInstance> Lane<I> {
         fault.on_probation = true;
         thread.opener.bury(Box::new(reverted.failed));
         self.host.tell(Report::Swapped(SwapReport::Reverted(Box::new(fault))));
-    }
-}
-
-/// The event of a fault.
-pub(super) fn event_of<F: std::error::Error>(
-    fault: &LinkFault<F>,
-) -> Option<softplug_abi::EventKind> {
-    match fault {
-        LinkFault::Instance { event, .. }
-        | LinkFault::Malformed { event, .. }
-        | LinkFault::Rule { event, .. } => Some(*event),
-        LinkFault::Ended => None,
     }
 }

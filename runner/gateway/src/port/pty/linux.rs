@@ -11,9 +11,10 @@ use softplug_abi::{LineParameters, LinkDownReason};
 
 use super::FRESH_BAUD;
 use crate::error::PortError;
-use crate::port::input_sink::InputSink;
+use crate::port::input_sink::{Backlog, InputSink};
+use crate::port::marks::Input;
+use crate::port::read_outcome::ReadOutcome;
 use crate::port::scratch::with_scratch;
-use crate::port::{Backlog, Input, ReadOutcome};
 
 /// A pty: we have the master, somebody opens the slave.
 ///

@@ -5,10 +5,10 @@ use std::collections::HashMap;
 use softplug_abi::Micros;
 use softplug_unit_bus::{Bus, Grant, Step, Unit};
 
+use super::Thread;
 use super::connection::Connection;
-use super::thread::Thread;
-use super::{BusSetup, BusSurvey, PIECE};
 use crate::reactor::LaneId;
+use crate::units::{BusSetup, BusSurvey, PIECE};
 
 /// A lane that was to send and could not is asked again after this span.
 const AGAIN: Micros = Micros::from_millis(5);

@@ -8,18 +8,18 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use rustix::fs::{AtFlags, renameat, statat, unlinkat};
 use rustix::io::Errno;
 
-use super::names::put_away;
-use super::place::{AWAY, Place, below, child, read, rename_to_new, sync, write_new};
+use super::{AWAY, Place, below, child, read, rename_to_new, sync, write_new};
+use crate::drop_folder::names::put_away;
 
 /// Where a file is put when all is over.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(super) enum Shelf {
+pub(in crate::drop_folder) enum Shelf {
     Done,
     Failed,
 }
 
 impl Shelf {
-    pub(super) const fn name(self) -> &'static str {
+    pub(in crate::drop_folder) const fn name(self) -> &'static str {
         match self {
             Self::Done => "done",
             Self::Failed => "failed",
@@ -36,7 +36,7 @@ impl Place {
     /// Puts the file of a claim away, with a result beside it, and gives the name that it has then.
     /// Broken off anywhere, it can be done again with the same text. The claim is still to be
     /// [forgotten](Self::forget).
-    pub(super) fn put_away(
+    pub(in crate::drop_folder) fn put_away(
         &self,
         claim: &str,
         shelf: Shelf,
@@ -49,7 +49,7 @@ impl Place {
     }
 
     /// Puts the result alone there, as the file is gone, and gives the name of the result.
-    pub(super) fn put_result(
+    pub(in crate::drop_folder) fn put_result(
         &self,
         claim: &str,
         shelf: Shelf,

@@ -14,16 +14,16 @@ use std::ops::Range;
 use std::os::fd::AsRawFd;
 use std::sync::Arc;
 
-use super::endpoint::EndpointNews;
-use super::host::LaneHost;
-use super::report::Report;
-use super::setup::{Command, LaneSetup};
-use super::status::{Condition, JobFigures, LaneStatus};
-use super::thread::Thread;
-use super::{LaneId, LaneInstance};
+use super::Thread;
 use crate::channel::{Channel, StationOptions, Wants, Work};
 use crate::clock::Clock;
 use crate::due::Due;
+use crate::reactor::endpoint::{ENDPOINT_JOBS, EndpointNews, LaneEndpoint};
+use crate::reactor::host::LaneHost;
+use crate::reactor::report::Report;
+use crate::reactor::setup::{Command, LaneSetup};
+use crate::reactor::status::{Condition, JobFigures, LaneStatus};
+use crate::reactor::{LaneId, LaneInstance};
 use crate::recorder::Recorded;
 use port::PortSetup;
 use swapping::Swapping;
@@ -51,7 +51,7 @@ pub(super) enum Turn {
     Removed,
 }
 
-pub(super) struct Lane<I: Instance> {
+pub(in crate::reactor) struct Lane<I: Instance> {
     pub(super) id: LaneId,
     tokens: Range<usize>,
     phase: Phase<I>,
@@ -94,7 +94,7 @@ impl<I: LaneInstance> Lane<I> {
         id: LaneId,
         slot: usize,
         setup: LaneSetup<I>,
-        host: impl FnOnce(u32, Option<super::LaneEndpoint>) -> LaneHost,
+        host: impl FnOnce(u32, Option<LaneEndpoint>) -> LaneHost,
         status: Arc<LaneStatus>,
         thread: &Thread<I>,
     ) -> Self {
@@ -112,7 +112,7 @@ impl<I: LaneInstance> Lane<I> {
             began: thread.clock.now(),
             watching: Watching::new(setup.watchdogs),
             status,
-            next_endpoint_job: super::ENDPOINT_JOBS,
+            next_endpoint_job: ENDPOINT_JOBS,
             is_faulted: false,
             starved_since: None,
             closing_until: None,
