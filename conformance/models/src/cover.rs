@@ -10,16 +10,16 @@ const CANDIDATES: usize = 16;
 const BLOCK: u64 = 64;
 
 /// The rows of a block, and what they were drawn from.
-struct Rows {
+struct Block {
     counts: Vec<usize>,
     seed: u64,
-    block: u64,
+    number: u64,
     rows: Vec<Vec<usize>>,
 }
 
 thread_local! {
     /// The last block: sessions are drawn in their order, and the same ones for each engine.
-    static LAST: RefCell<Option<Rows>> = const { RefCell::new(None) };
+    static LAST: RefCell<Option<Block>> = const { RefCell::new(None) };
 }
 
 /// Row `number` of settings, as places in the lists of `counts`. Every other row
@@ -27,15 +27,15 @@ thread_local! {
 /// that have not met yet meet. Rows depend on the seed and `counts` alone.
 pub(crate) fn row(counts: &[usize], seed: u64, number: u64) -> Vec<usize> {
     let block = number / BLOCK;
-    let is_of = |rows: &Rows| rows.block == block && rows.seed == seed && rows.counts == counts;
-    let rows = LAST.take().filter(is_of).unwrap_or_else(|| Rows {
+    let is_it = |last: &Block| last.number == block && last.seed == seed && last.counts == counts;
+    let last = LAST.take().filter(is_it).unwrap_or_else(|| Block {
         counts: counts.to_vec(),
         seed,
-        block,
+        number: block,
         rows: rows(counts, seed, block),
     });
-    let row = rows.rows[(number % BLOCK) as usize].clone();
-    LAST.set(Some(rows));
+    let row = last.rows[(number % BLOCK) as usize].clone();
+    LAST.set(Some(last));
     row
 }
 
