@@ -29,7 +29,7 @@ const LIBRARIES: &[&str] = &[
     "softplug-unit-slots",
     "softplug-unit-uplink",
     "softplug-unit",
-    "softplug-gateway",
+    "softplug-live",
 ];
 
 /// Packs all crates. If `long`, builds them from their packages and compares the

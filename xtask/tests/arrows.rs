@@ -67,7 +67,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-cell", &[]),
     ("softplug-plan", &["softplug-unit-bus"]),
     (
-        "softplug-gateway",
+        "softplug-live",
         &[
             "softplug-abi",
             "softplug-link",
@@ -94,7 +94,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-abi",
             "softplug-catalogue",
             "softplug-cell",
-            "softplug-gateway",
+            "softplug-live",
             "softplug-host",
             "softplug-link",
             "softplug-machines",
@@ -112,7 +112,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-conformance",
             "softplug-explore",
             "softplug-fixtures",
-            "softplug-gateway",
+            "softplug-live",
             "softplug-host",
             "softplug-link",
             "softplug-machines",
@@ -148,7 +148,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "softplug-unit",
         &[
             "softplug-abi",
-            "softplug-gateway",
+            "softplug-live",
             "softplug-host",
             "softplug-link",
             "softplug-unit-protocol",

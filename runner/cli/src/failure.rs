@@ -4,8 +4,8 @@ use std::error::Error;
 use std::fmt::Display;
 
 use serde::Serialize;
-use softplug_gateway::{BadSpec, PortError, SettingDifference};
 use softplug_host::LoadError;
+use softplug_live::{BadSpec, PortError, SettingDifference};
 use softplug_trial::{TrialError, WAITS};
 
 use crate::exit::Exit;

@@ -4,8 +4,8 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
-use softplug_gateway::plain_text;
-use softplug_gateway::store::{numbered, rename_to_free, rename_to_new, sync_folder};
+use softplug_live::plain_text;
+use softplug_live::store::{numbered, rename_to_free, rename_to_new, sync_folder};
 
 use crate::failure::Failure;
 

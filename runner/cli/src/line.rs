@@ -5,8 +5,8 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use softplug_abi::manifest::{Manifest, Preset, SettingValues};
 use softplug_abi::{LineParameters, Parity};
-use softplug_gateway::port::{line_mismatch, line_text, parse_line};
-use softplug_gateway::{Flow, PortOptions, PortSpec};
+use softplug_live::port::{line_mismatch, line_text, parse_line};
+use softplug_live::{Flow, PortOptions, PortSpec};
 
 use crate::assignment::Assignment;
 use crate::failure::Failure;

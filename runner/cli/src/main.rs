@@ -35,8 +35,8 @@ use crate::arguments::{CommandLine, Start};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
-use softplug_gateway::guess;
 use softplug_host::compiler::{self, CompileLimits, CompilerProcess};
+use softplug_live::guess;
 
 /// The word that makes this program the process that compiles plug-ins for another of its kind.
 const COMPILE: &str = "__compile";

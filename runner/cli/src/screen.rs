@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 
 use anstyle::{AnsiColor, Style};
 use serde::Serialize;
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use tracing_subscriber::EnvFilter;
 
 use crate::exit::Exit;

@@ -6,9 +6,9 @@ use std::path::Path;
 use std::time::Duration;
 
 use softplug_abi::Micros;
-use softplug_gateway::endpoint::{EndpointKind, Framing};
-use softplug_gateway::units::TlsPrivateKey;
-use softplug_gateway::{Flow, PortSpec};
+use softplug_live::endpoint::{EndpointKind, Framing};
+use softplug_live::units::TlsPrivateKey;
+use softplug_live::{Flow, PortSpec};
 use softplug_service::config::{Config, ConfigError, LogFormat, PortConfig, SwapPolicy};
 
 const FULL: &str = r#"

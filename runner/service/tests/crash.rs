@@ -11,8 +11,8 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
-use softplug_gateway::reactor::LaneId;
-use softplug_gateway::reservoir::{Drawn, reservoir};
+use softplug_live::reactor::LaneId;
+use softplug_live::reservoir::{Drawn, reservoir};
 use softplug_service::feeder::{Feeder, Feeding, Pace};
 use softplug_service::jobs::{Data, Ending, JobFilter, JobSpec, Jobs, Keep, Recovery, State};
 use softplug_service::library::Library;

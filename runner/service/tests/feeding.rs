@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use softplug_abi::Failure;
-use softplug_gateway::reactor::LaneId;
-use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
+use softplug_live::reactor::LaneId;
+use softplug_live::reservoir::{Drawn, ReservoirReader, reservoir};
 use softplug_service::feeder::{Feeder, Feeding, Pace, Stream};
 use softplug_service::jobs::{Data, Ending, Extent, JobSpec, Jobs, Keep, Kind, State};
 use softplug_service::programs::{Quotas, Receptions, Snapshots};
@@ -82,7 +82,7 @@ fn feeding(
     job: u32,
     data: Data,
     from: u64,
-    to: softplug_gateway::reservoir::ReservoirWriter,
+    to: softplug_live::reservoir::ReservoirWriter,
 ) -> Feeding {
     let pace = Pace { packet: 512, characters_a_second: None };
     Feeding { job, data, from, gate: None, to, pace, is_check: false, status: None }

@@ -7,8 +7,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-use softplug_gateway::reactor::LaneId;
-use softplug_gateway::reservoir::{Drawn, reservoir};
+use softplug_live::reactor::LaneId;
+use softplug_live::reservoir::{Drawn, reservoir};
 use softplug_service::feeder::{Feeder, FeederNews, Feeding, Pace};
 use softplug_service::jobs::{JobSpec, Jobs, Keep, State};
 use softplug_service::programs::{Quotas, Receptions, Snapshots};

@@ -13,7 +13,7 @@ use crate::Error;
 use crate::run::{cargo, output, succeed};
 use crate::workspace::Workspace;
 
-const PACKAGE: &str = "softplug-gateway";
+const PACKAGE: &str = "softplug-live";
 /// Of each measurement.
 const SECONDS: &str = "6";
 /// Characters in flight where lines are full.

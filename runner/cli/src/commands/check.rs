@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 use softplug_abi::manifest::Manifest;
-use softplug_gateway::pacer::default_depth;
-use softplug_gateway::port::line_text;
+use softplug_live::pacer::default_depth;
+use softplug_live::port::line_text;
 use softplug_trial::{Altered, Budget, Setup, Trial};
 
 use super::send::{fields, job_kind};

@@ -6,8 +6,8 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 use softplug_abi::manifest::{Manifest, Setting, ValueType};
-use softplug_gateway::plain_text;
 use softplug_host::{Host, HostOptions, Inspection};
+use softplug_live::plain_text;
 
 use crate::exit::Exit;
 use crate::failure::Failure;

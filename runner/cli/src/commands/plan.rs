@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use clap::{ArgGroup, Args};
 use serde::Serialize;
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_plan::{
     DEFAULT_MARGIN, Discipline, MOST_FILE_BYTES, MachinePlan, Options, Outcome, Plan, Shop,
     ShopError, Taken, Wrong, picture, picture_of, plan, simulate,

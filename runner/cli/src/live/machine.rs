@@ -4,8 +4,8 @@ use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use softplug_abi::{LineErrorKind, Micros};
-use softplug_gateway::simulator::Simulator;
-use softplug_gateway::{PortError, PortSpec};
+use softplug_live::simulator::Simulator;
+use softplug_live::{PortError, PortSpec};
 use softplug_machines::{Partner, Signal};
 
 /// How often a stop is looked for.

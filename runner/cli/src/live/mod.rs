@@ -6,10 +6,10 @@ pub(crate) mod progress;
 use serde::Serialize;
 use softplug_abi::NoteLevel;
 use softplug_abi::manifest::{Manifest, SettingValues};
-use softplug_gateway::port::line_text;
-use softplug_gateway::station::{Station, StationError, StationOptions};
-use softplug_gateway::transfer::{Note, Reception, TransferError};
-use softplug_gateway::{Port, PortOptions, PortSpec};
+use softplug_live::port::line_text;
+use softplug_live::station::{Station, StationError, StationOptions};
+use softplug_live::transfer::{Note, Reception, TransferError};
+use softplug_live::{Port, PortOptions, PortSpec};
 use softplug_trial::reason;
 
 use crate::exit::Exit;

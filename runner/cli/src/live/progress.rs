@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use softplug_gateway::transfer::Progress;
+use softplug_live::transfer::Progress;
 
 use crate::numbers;
 use crate::screen::Screen;

@@ -31,7 +31,7 @@ pub(crate) fn on_signals() -> Result<Arc<AtomicBool>, Failure> {
 fn end_at_the_second(mut signals: Signals) {
     if signals.forever().skip(1).any(|signal| signal != SIGHUP) {
         #[cfg(target_os = "linux")]
-        softplug_gateway::port::discard_all();
+        softplug_live::port::discard_all();
         exit(i32::from(Exit::Incomplete.code()));
     }
 }

@@ -5,8 +5,8 @@ use std::process::{Child, ChildStdout};
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
-use softplug_gateway::port::ReadOutcome;
-use softplug_gateway::pty::PtyPair;
+use softplug_live::port::ReadOutcome;
+use softplug_live::pty::PtyPair;
 use softplug_service::library::Library;
 
 use crate::bench::Bench;

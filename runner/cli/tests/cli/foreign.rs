@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{JoinHandle, sleep};
 use std::time::Duration;
 
-use softplug_gateway::port::ReadOutcome;
-use softplug_gateway::pty::PtyPair;
+use softplug_live::port::ReadOutcome;
+use softplug_live::pty::PtyPair;
 
 /// How often something happens to a byte on its way: once in so many, by chance; 0 is never.
 #[derive(Copy, Clone, Debug, Default)]

@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 use softplug_abi::LineParameters;
-use softplug_gateway::port::ReadOutcome;
-use softplug_gateway::pty::PtyPair;
-use softplug_gateway::{Input, Port, PortOptions, PortSpec};
+use softplug_live::port::ReadOutcome;
+use softplug_live::pty::PtyPair;
+use softplug_live::{Input, Port, PortOptions, PortSpec};
 use softplug_trace::{NoFiles, Trace, What};
 
 use crate::bench::{Bench, Ran};

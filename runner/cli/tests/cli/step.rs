@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::termios::{Winsize, tcsetwinsize};
-use softplug_gateway::ReadOutcome;
-use softplug_gateway::pty::PtyPair;
+use softplug_live::ReadOutcome;
+use softplug_live::pty::PtyPair;
 
 use crate::bench::{Bench, snapshot};
 use crate::files::TRACE;

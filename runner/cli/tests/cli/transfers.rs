@@ -6,9 +6,9 @@ use std::process::{Command, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
-use softplug_gateway::port::ReadOutcome;
-use softplug_gateway::pty::PtyPair;
-use softplug_gateway::{Port, PortOptions, PortSpec};
+use softplug_live::port::ReadOutcome;
+use softplug_live::pty::PtyPair;
+use softplug_live::{Port, PortOptions, PortSpec};
 
 use crate::bench::{Bench, Ran, program, snapshot};
 use crate::simulation::{LINE, Simulation, alone, ended, interrupt, wait_for};

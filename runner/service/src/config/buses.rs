@@ -1,6 +1,6 @@
 //! The tables `[[bus]]`, read and checked.
 
-use softplug_gateway::units::{BusRates, BusSetup};
+use softplug_live::units::{BusRates, BusSetup};
 use toml::{Spanned, Value};
 
 use super::finding::ConfigFindings;

@@ -5,8 +5,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use softplug_gateway::guess;
-use softplug_gateway::place::line_and_column;
+use softplug_live::guess;
+use softplug_live::place::line_and_column;
 use thiserror::Error;
 
 /// A place in a file.

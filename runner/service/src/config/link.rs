@@ -8,10 +8,10 @@ use std::time::Duration;
 
 use softplug_abi::{LineParameters, Micros};
 use softplug_catalogue::{Machine, Notations};
-use softplug_gateway::endpoint::EndpointSetup;
-use softplug_gateway::port::{line_mismatch, line_text, parse_line};
-use softplug_gateway::units::{TlsKeys, UnitAddress};
-use softplug_gateway::{Flow, PortSpec};
+use softplug_live::endpoint::EndpointSetup;
+use softplug_live::port::{line_mismatch, line_text, parse_line};
+use softplug_live::units::{TlsKeys, UnitAddress};
+use softplug_live::{Flow, PortSpec};
 
 use super::finding::{ConfigFinding, Place};
 use crate::programs::Quota;

@@ -9,10 +9,10 @@ use std::sync::Arc;
 
 use softplug_abi::LineParameters;
 use softplug_catalogue::{Catalogue, Notation, NotationError, Notations};
-use softplug_gateway::endpoint::{EndpointKind, EndpointSetup, Framing, LineAnswer};
-use softplug_gateway::port::parse_line;
-use softplug_gateway::units::{BusSetup, TlsKeys, UnitAddress, UnitPlace};
-use softplug_gateway::{BadSpec, Flow, PortSpec};
+use softplug_live::endpoint::{EndpointKind, EndpointSetup, Framing, LineAnswer};
+use softplug_live::port::parse_line;
+use softplug_live::units::{BusSetup, TlsKeys, UnitAddress, UnitPlace};
+use softplug_live::{BadSpec, Flow, PortSpec};
 use toml::{Spanned, Value};
 
 use super::finding::{ConfigFindings, Place};

@@ -1,7 +1,7 @@
 //! `machine = "…"` of a link: what the catalogue says of it, as if it were written there.
 
 use softplug_catalogue::{Catalogue, Machine};
-use softplug_gateway::guess::nearest;
+use softplug_live::guess::nearest;
 use toml::{Spanned, Value};
 
 use super::finding::ConfigFindings;

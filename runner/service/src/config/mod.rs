@@ -23,14 +23,14 @@ pub use link::{
     Buffer, DropConfig, LinkConfig, PortConfig, Probation, Reopen, SwapPolicy, Watchdogs,
 };
 pub use service::{GatewayConfig, LogFormat, Supervision};
-pub(crate) use softplug_gateway::guess::of_names;
+pub(crate) use softplug_live::guess::of_names;
 pub use watch::FileWatch;
 
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use softplug_gateway::units::BusSetup;
+use softplug_live::units::BusSetup;
 
 use finding::ConfigFindings;
 

@@ -10,7 +10,7 @@ use super::finding::ConfigFindings;
 use super::written::{self, Text};
 use crate::programs::FREE_SPACE;
 use crate::view::StopHow;
-use softplug_gateway::quantity;
+use softplug_live::quantity;
 
 /// The gateway itself.
 #[derive(Clone, PartialEq, Eq, Debug)]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use softplug_gateway::units::{NoTlsKey, TlsKeys, TlsPrivateKey, TlsPublicKey, UnitPlace};
+use softplug_live::units::{NoTlsKey, TlsKeys, TlsPrivateKey, TlsPublicKey, UnitPlace};
 
 use super::finding::ConfigFindings;
 use super::link::PortConfig;

@@ -12,7 +12,7 @@ use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-use softplug_gateway::store::sync_folder;
+use softplug_live::store::sync_folder;
 use tempfile::NamedTempFile;
 use thiserror::Error;
 

@@ -6,8 +6,8 @@ use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest as _, Sha256};
-use softplug_gateway::store::sync_folder;
 use softplug_host::Digest;
+use softplug_live::store::sync_folder;
 use tempfile::NamedTempFile;
 
 use super::{DiskError, TEMPORARY, is_full, make_folder, sweep};

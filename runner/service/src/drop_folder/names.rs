@@ -3,7 +3,7 @@
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::{OsStrExt as _, OsStringExt as _};
 
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 
 /// Ends of names under which programs that copy keep what is not whole yet.
 const TEMPORARY: [&[u8]; 9] = [

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 
 use super::place::Shelf;
 use crate::jobs::{Claimed, Job, State, grouped};

@@ -11,8 +11,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use softplug_gateway::store::is_open_for_writing;
 use softplug_host::Digest;
+use softplug_live::store::is_open_for_writing;
 
 use super::names::shown;
 use super::place::{Found, Held, Place, Shelf, Whose, state_of};
@@ -196,7 +196,7 @@ impl<Q: Queue> Watch<Q> {
             |error: io::Error| format!("the drop folder {folder} cannot be used: {}", told(&error));
         let owner = self.queue.owner().map_err(|error| error.to_string())?;
         if let Whose::Theirs(theirs) = place.whose(&owner).map_err(cannot)? {
-            let theirs = softplug_gateway::plain_text(theirs.lines().next().unwrap_or_default());
+            let theirs = softplug_live::plain_text(theirs.lines().next().unwrap_or_default());
             return Err(format!(
                 "the drop folder {folder} belongs to {theirs}, which is not this one: give each link \
                  a folder of its own; if that one is gone, see what is left in work, and remove \

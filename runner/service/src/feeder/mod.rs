@@ -22,8 +22,8 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use softplug_gateway::reactor::LaneStatus;
-use softplug_gateway::reservoir::ReservoirWriter;
+use softplug_live::reactor::LaneStatus;
+use softplug_live::reservoir::ReservoirWriter;
 
 use crate::jobs::{Advance, Data, Jobs};
 use crate::programs::Snapshots;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use softplug_gateway::reactor::LaneStatus;
+use softplug_live::reactor::LaneStatus;
 
 /// It is written down at least so far apart, but at once when the partner holds us.
 const APART: Duration = Duration::from_secs(2);

@@ -7,7 +7,7 @@ use std::task::{Wake, Waker};
 use std::thread::{self, Thread};
 use std::time::Duration;
 
-use softplug_gateway::reservoir::ReservoirWriter;
+use softplug_live::reservoir::ReservoirWriter;
 
 use crate::jobs::{Advance, Jobs};
 

@@ -1,7 +1,7 @@
 //! Buses, shown.
 
-use softplug_gateway::units::{BusSurvey, SlotState, UnitLinkFigures};
 use softplug_host::Digest;
+use softplug_live::units::{BusSurvey, SlotState, UnitLinkFigures};
 
 use super::link::Link;
 use super::{Control, Gateway};

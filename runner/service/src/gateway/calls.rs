@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use softplug_catalogue::Notations;
 use softplug_cell::Stop;
-use softplug_gateway::reactor::Command;
 use softplug_host::Plugin;
+use softplug_live::reactor::Command;
 use tokio::sync::broadcast;
 
 use super::jobs::JobCommand;

@@ -9,9 +9,9 @@ use std::sync::atomic::AtomicBool;
 use softplug_abi::LineParameters;
 use softplug_abi::manifest::Manifest;
 use softplug_catalogue::HEAD_BYTES;
-use softplug_gateway::pacer::default_depth;
-use softplug_gateway::port::line_text;
 use softplug_host::LoadError;
+use softplug_live::pacer::default_depth;
+use softplug_live::port::line_text;
 use softplug_trial::{Altered, Budget, Setup, Trial, TrialError};
 
 use super::loading::Prepared;

@@ -4,14 +4,14 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use softplug_gateway::PortError;
-use softplug_gateway::reactor::{
+use softplug_host::Session;
+use softplug_live::PortError;
+use softplug_live::reactor::{
     Command, LaneId, LaneSetup, LaneStatus, Probation, Reactor, ReactorOptions, Report, When,
 };
-use softplug_gateway::units::{
+use softplug_live::units::{
     BusSetup, BusSurvey, UnitCommand, UnitLinkFigures, UnitPlugin, UnitSetup, Units,
 };
-use softplug_host::Session;
 
 /// Both, as one.
 pub(super) struct Drivers {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use softplug_gateway::reactor::LaneFault;
+use softplug_live::reactor::LaneFault;
 
 use super::Shared;
 use super::loading::Prepared;

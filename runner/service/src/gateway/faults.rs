@@ -1,6 +1,6 @@
 //! Plug-ins that fail: started again after a while, then left alone.
 
-use softplug_gateway::reactor::Command;
+use softplug_live::reactor::Command;
 
 use super::Control;
 use super::loading::Prepared;

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use softplug_gateway::reactor::{Command, Feed};
-use softplug_gateway::reservoir::{ReservoirReader, reservoir};
 use softplug_link::Job as LaneJob;
+use softplug_live::reactor::{Command, Feed};
+use softplug_live::reservoir::{ReservoirReader, reservoir};
 
 use super::Control;
 use super::link::{EndsAs, Link, Running};

@@ -4,14 +4,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use softplug_abi::Micros;
-use softplug_gateway::PortOptions;
-use softplug_gateway::channel::StationOptions;
-use softplug_gateway::endpoint::ServerEndpoint;
-use softplug_gateway::reactor::{
+use softplug_host::Session;
+use softplug_live::PortOptions;
+use softplug_live::channel::StationOptions;
+use softplug_live::endpoint::ServerEndpoint;
+use softplug_live::reactor::{
     Backoff, Command, LaneEndpoint, LaneId, LaneSetup, LaneStatus, Watchdogs,
 };
-use softplug_gateway::units::UnitSetup;
-use softplug_host::Session;
+use softplug_live::units::UnitSetup;
 
 use super::Control;
 use super::history::History;
@@ -130,7 +130,7 @@ impl Control {
             self.drivers.tell(id, Command::Close { patience: CLOSING, hand_over });
         } else {
             self.shared.tell(move |control| {
-                control.hear(id, softplug_gateway::reactor::Report::Removed);
+                control.hear(id, softplug_live::reactor::Report::Removed);
             });
         }
     }

@@ -7,10 +7,10 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
 use softplug_abi::Failure;
-use softplug_gateway::awaited::awaited;
-use softplug_gateway::reactor::{AlarmKind, Condition, JobEnd, LaneFigures, LaneId, LaneStatus};
-use softplug_gateway::reservoir::Gauge;
 use softplug_host::Digest;
+use softplug_live::awaited::awaited;
+use softplug_live::reactor::{AlarmKind, Condition, JobEnd, LaneFigures, LaneId, LaneStatus};
+use softplug_live::reservoir::Gauge;
 use softplug_trial::reason;
 
 use super::history::History;

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use softplug_abi::manifest::{SettingError, SettingValues};
-use softplug_gateway::units::UnitPlugin;
 use softplug_host::{Digest, Host, LoadError, Plugin, Session};
+use softplug_live::units::UnitPlugin;
 use thiserror::Error;
 
 use crate::Refusal;

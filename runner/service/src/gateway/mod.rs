@@ -48,7 +48,7 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use softplug_gateway::reactor::{LaneId, Report};
+use softplug_live::reactor::{LaneId, Report};
 use tokio::sync::broadcast;
 
 use crate::config::Config;

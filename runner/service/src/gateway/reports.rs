@@ -1,9 +1,7 @@
 //! What the reactor tells, and what comes of it.
 
-use softplug_gateway::SettingDifference;
-use softplug_gateway::reactor::{
-    Alarm, EndpointNews, JobEnd, JobOutcome, LaneFault, LaneId, Report,
-};
+use softplug_live::SettingDifference;
+use softplug_live::reactor::{Alarm, EndpointNews, JobEnd, JobOutcome, LaneFault, LaneId, Report};
 
 use super::Control;
 use super::faults::described;

@@ -2,8 +2,8 @@
 
 use softplug_abi::Failure;
 use softplug_catalogue::Notations;
-use softplug_gateway::reactor::Command;
-use softplug_gateway::store::Mark;
+use softplug_live::reactor::Command;
+use softplug_live::store::Mark;
 
 use super::link::{EndsAs, Link};
 use super::{Control, Shared};

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use softplug_gateway::reactor::LaneFigures;
+use softplug_live::reactor::LaneFigures;
 
 use super::block_finder::Wanted;
 use super::history::STEP;

@@ -2,9 +2,9 @@
 
 use softplug_abi::LineErrorKind;
 use softplug_abi::manifest::{Kind, Manifest};
-use softplug_gateway::endpoint::EndpointKind;
-use softplug_gateway::reactor::{AlarmKind, LaneFigures};
-use softplug_gateway::reservoir::Gauge;
+use softplug_live::endpoint::EndpointKind;
+use softplug_live::reactor::{AlarmKind, LaneFigures};
+use softplug_live::reservoir::Gauge;
 
 use super::link::Link;
 use super::results::Results;

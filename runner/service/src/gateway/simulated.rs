@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
 use softplug_abi::{LineErrorKind, LineParameters, Micros};
-use softplug_gateway::PortSpec;
-use softplug_gateway::poll::Waker;
-use softplug_gateway::simulator::Simulator;
+use softplug_live::PortSpec;
+use softplug_live::poll::Waker;
+use softplug_live::simulator::Simulator;
 use softplug_machines::kept::Keep;
 use softplug_machines::{
     Clocked, Partner, Signal, fanuc, kermit, pulse_lathe, r3964, xmodem, xon_xoff,

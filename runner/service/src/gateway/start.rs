@@ -10,10 +10,10 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::Instant;
 
-use softplug_gateway::PortError;
-use softplug_gateway::reactor::ReactorOptions;
 use softplug_host::compiler::CompilerProcess;
 use softplug_host::{Host, HostOptions, LoadError};
+use softplug_live::PortError;
+use softplug_live::reactor::ReactorOptions;
 use thiserror::Error;
 use tokio::sync::broadcast;
 

@@ -4,7 +4,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use softplug_gateway::reactor::Command;
+use softplug_live::reactor::Command;
 
 use super::link::{After, EndsAs, Lane};
 use super::{Control, Stopping};

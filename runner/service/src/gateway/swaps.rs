@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use softplug_gateway::reactor::{Command, LaneFault, Probation, Swap, SwapReport, When};
 use softplug_link::{Spare, Successor};
+use softplug_live::reactor::{Command, LaneFault, Probation, Swap, SwapReport, When};
 
 use super::Control;
 use super::faults::described;

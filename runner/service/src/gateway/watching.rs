@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use data_encoding::HEXUPPER;
 use softplug_abi::ModemLines;
-use softplug_gateway::reactor::{Command, LaneId, Seen as LaneSeen, Watch, WatchEvent};
+use softplug_live::reactor::{Command, LaneId, Seen as LaneSeen, Watch, WatchEvent};
 
 use super::{Control, Shared};
 use crate::Refusal;

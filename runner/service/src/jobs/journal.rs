@@ -1,7 +1,7 @@
 //! The journal: what happened, when, to which link and job.
 
 use serde::{Deserialize, Serialize};
-use softplug_gateway::is_plain;
+use softplug_live::is_plain;
 
 pub use crate::view::{JournalKind as Subject, JournalWeight as Weight};
 

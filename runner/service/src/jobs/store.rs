@@ -8,7 +8,7 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
 use redb::{Database, ReadableDatabase, ReadableTable};
 use softplug_cell::Stop;
-use softplug_gateway::store::sync_folder;
+use softplug_live::store::sync_folder;
 
 use super::ballast::Ballast;
 use super::error::StoreError;

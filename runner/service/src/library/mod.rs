@@ -34,7 +34,7 @@ use softplug_host::{Digest, Inspection, lint};
 
 use crate::disk::{self, DiskError, Object, Objects, make_folder};
 use index::Index;
-use softplug_gateway::guess::nearest;
+use softplug_live::guess::nearest;
 
 /// A folder of plug-ins.
 #[derive(Clone, Debug)]

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use softplug_gateway::store::safe_name;
 use softplug_host::Digest;
+use softplug_live::store::safe_name;
 
 use super::{Library, LibraryError};
 use crate::disk;

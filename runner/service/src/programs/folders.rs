@@ -9,7 +9,7 @@ use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
 use softplug_catalogue::{HEAD_BYTES, Notations, is_same_program};
-use softplug_gateway::store::{Shelf, safe_name, sync_folder};
+use softplug_live::store::{Shelf, safe_name, sync_folder};
 
 use super::{Data, ProgramError, Snapshots};
 use crate::disk::{self, DiskError, make_folder};

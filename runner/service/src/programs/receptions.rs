@@ -10,7 +10,7 @@ use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
 use softplug_catalogue::{HEAD_BYTES, Notations};
-use softplug_gateway::store::{Inbox, Mark, safe_name};
+use softplug_live::store::{Inbox, Mark, safe_name};
 
 use super::ProgramError;
 use crate::disk::{self, DiskError, make_folder};

@@ -3,8 +3,8 @@
 use std::fs::File;
 
 use softplug_abi::Failure;
-use softplug_gateway::reservoir::{Drawn, ReservoirReader};
-use softplug_gateway::store::Mark;
+use softplug_live::reservoir::{Drawn, ReservoirReader};
+use softplug_live::store::Mark;
 
 use super::{Incoming, ReceptionWriterNews, Stores};
 use crate::jobs::{Comparison, Reason, Reception};

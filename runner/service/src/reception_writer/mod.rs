@@ -14,8 +14,8 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use softplug_abi::Failure;
-use softplug_gateway::reactor::LaneId;
-use softplug_gateway::reservoir::ReservoirReader;
+use softplug_live::reactor::LaneId;
+use softplug_live::reservoir::ReservoirReader;
 
 use crate::jobs::{Job, Jobs};
 use crate::programs::{Quotas, Receptions, Snapshots};

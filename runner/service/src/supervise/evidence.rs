@@ -2,8 +2,8 @@
 //! says what it was.
 
 use softplug_abi::{Event, LineParameters, Pass};
-use softplug_gateway::recorder::{Entry as Kept, Recording};
 use softplug_link::UnderWay;
+use softplug_live::recorder::{Entry as Kept, Recording};
 use softplug_trace::{
     Assignment, Entry, Exact, FrontMatter, Level, Line, LineSettings, ModemLevels, Origin, Parity,
     Payload, Permutations, Room, SourceLine, Time, Trace, What, When, is_slug,
@@ -231,9 +231,9 @@ mod tests {
     use super::*;
     use softplug_abi::{EventKind, Instance, Micros};
     use softplug_conformance::{Case, FaultClass, Permutation, Sandboxed, replay};
-    use softplug_gateway::recorder::{Recorded, checkpoint, recording};
     use softplug_host::{Host, HostOptions, Plugin, Session};
     use softplug_link::{Link, LinkFault, LinkOptions, Recorder};
+    use softplug_live::recorder::{Recorded, checkpoint, recording};
     use std::sync::LazyLock;
 
     /// Counts the bytes that it receives, saves the count, and traps at the 300th.

@@ -11,8 +11,8 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use softplug_gateway::port::ReadOutcome;
-use softplug_gateway::pty::PtyPair;
+use softplug_live::port::ReadOutcome;
+use softplug_live::pty::PtyPair;
 use softplug_service::config::Config;
 use softplug_service::gateway::{Gateway, Running, start};
 use softplug_service::library::Library;

@@ -4,8 +4,8 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::{self, JoinHandle};
 
 use softplug_abi::Micros;
-use softplug_gateway::poll::Waker;
-use softplug_gateway::simulator::Simulator;
+use softplug_live::poll::Waker;
+use softplug_live::simulator::Simulator;
 use softplug_machines::Partner;
 use softplug_machines::fanuc::{Control, Options, eight_none_two};
 use softplug_machines::r3964::rk512::{self, Computer};

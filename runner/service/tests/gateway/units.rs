@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::thread::{self, JoinHandle};
 
-use softplug_gateway::pty::PtyPair;
-use softplug_gateway::units::TlsPrivateKey;
+use softplug_live::pty::PtyPair;
+use softplug_live::units::TlsPrivateKey;
 use softplug_machines::fanuc::Press;
 use softplug_machines::kept::Received;
 use softplug_service::view::{

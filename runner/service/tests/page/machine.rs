@@ -6,8 +6,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use softplug_gateway::port::ReadOutcome;
-use softplug_gateway::pty::PtyPair;
+use softplug_live::port::ReadOutcome;
+use softplug_live::pty::PtyPair;
 
 const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use softplug_abi::{LineParameters, Micros};
-use softplug_gateway::simulator::Simulator;
+use softplug_live::simulator::Simulator;
 use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
 use softplug_plan::{Machine, Plan, plan};
 use softplug_unit::{Unit, UnitConfig};

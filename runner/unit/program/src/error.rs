@@ -4,8 +4,8 @@ use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-use softplug_gateway::{PortError, plain_text};
 use softplug_host::LoadError;
+use softplug_live::{PortError, plain_text};
 use thiserror::Error;
 
 /// Why a unit ends, or does not begin.

@@ -13,7 +13,7 @@ pub(crate) fn of(memory: &Path) -> String {
         }
         Some(pid) => {
             let command = fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
-            let command = softplug_gateway::plain_text(command.trim());
+            let command = softplug_live::plain_text(command.trim());
             format!("process {pid} ({command}) has it: give each unit its own, or end that one")
         }
         None => "another unit has it: give each its own, or end that one".to_owned(),

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use softplug_gateway::place::line_and_column;
-use softplug_gateway::{guess, plain_text};
+use softplug_live::place::line_and_column;
+use softplug_live::{guess, plain_text};
 
 /// What is wrong, and where.
 #[derive(Clone, PartialEq, Eq, Debug)]

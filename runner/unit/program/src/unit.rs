@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use mio::{Events, Poll, Token};
 use softplug_abi::Micros;
-use softplug_gateway::clock::Clock;
-use softplug_gateway::reactor::{LaneId, Reactor, ReactorOptions, Report};
 use softplug_host::{Host, HostOptions};
+use softplug_live::clock::Clock;
+use softplug_live::reactor::{LaneId, Reactor, ReactorOptions, Report};
 use softplug_unit_protocol::{
     FrameError, Identity, LONGEST, Messages, Role, Session, SessionEvent, ToServer, ToUnit,
 };

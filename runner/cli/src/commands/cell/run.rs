@@ -1,6 +1,6 @@
 //! `softplug cell …`
 
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_service::view::{CellChannelView, CellMode, CellView, ForceOrder, ModeOrder};
 
 use super::{Arguments, GroupMode, Verb};

@@ -9,7 +9,7 @@ pub(crate) use run::run;
 use std::path::PathBuf;
 
 use clap::Args;
-use softplug_gateway::PortSpec;
+use softplug_live::PortSpec;
 
 use super::remote::Remote;
 use crate::assignment::Assignment;

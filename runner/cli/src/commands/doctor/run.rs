@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use serde::Serialize;
 use softplug_abi::LineParameters;
-use softplug_gateway::PortOptions;
-use softplug_gateway::clock::Clock;
-use softplug_gateway::doctor::{self, COMMON_BAUDS, Report, Severity};
-use softplug_gateway::poll::Poller;
-use softplug_gateway::port::{TtyPort, line_text};
-use softplug_gateway::suggest::{Suggestion, suggest};
+use softplug_live::PortOptions;
+use softplug_live::clock::Clock;
+use softplug_live::doctor::{self, COMMON_BAUDS, Report, Severity};
+use softplug_live::poll::Poller;
+use softplug_live::port::{TtyPort, line_text};
+use softplug_live::suggest::{Suggestion, suggest};
 
 use super::Arguments;
 use crate::commands::ports::HolderEntry;

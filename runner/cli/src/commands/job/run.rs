@@ -6,7 +6,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use serde::Serialize;
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_service::view::{JobOrder, JobState, JobView};
 use ureq::SendBody;
 

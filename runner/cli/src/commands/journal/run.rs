@@ -1,6 +1,6 @@
 //! `softplug journal …`
 
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_service::view::{JournalEntry, JournalWeight, utc};
 
 use super::Arguments;

@@ -1,6 +1,6 @@
 //! `softplug link check`
 
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_service::view::{AlteredView, CheckResult, CheckView};
 
 use super::Check;

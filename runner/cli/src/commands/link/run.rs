@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_service::view::{
     LinkView, PluginView, ReceptionView, Seen, SwapOrder, SwapState, SwapView, SwapWhen,
 };

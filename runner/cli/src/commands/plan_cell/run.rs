@@ -10,7 +10,7 @@ use serde::Serialize;
 use softplug_cell::{
     ChannelId, Course, Doing, Machine, Outcome, Program, Rehearsal, Setup, draw, rehearse,
 };
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_service::config::{CellConfig, Config, LinkConfig};
 use softplug_service::programs::Programs;
 
@@ -62,7 +62,7 @@ pub(crate) fn plan_cell(
     let config = Config::read(file).map_err(Failure::usage)?;
     let cell = config.cells.iter().find(|cell| cell.name == name).ok_or_else(|| {
         let known = config.cells.iter().map(|cell| cell.name.as_str());
-        let hint = softplug_gateway::guess::of_names("cells there", name, known);
+        let hint = softplug_live::guess::of_names("cells there", name, known);
         let file = plain_text(&file.display().to_string());
         Failure::usage(format_args!("{file} has no cell \"{}\"; {hint}", name.escape_debug()))
     })?;
@@ -120,7 +120,7 @@ pub(crate) fn plan_cell(
 fn channel(setup: &Setup, name: &str) -> Result<ChannelId, Failure> {
     setup.channel(name).ok_or_else(|| {
         let known = setup.channels().map(|channel| setup.channel_name(channel));
-        let hint = softplug_gateway::guess::of_names("channels of the cell", name, known);
+        let hint = softplug_live::guess::of_names("channels of the cell", name, known);
         Failure::usage(format_args!("\"{}\" is no channel; {hint}", name.escape_debug()))
     })
 }

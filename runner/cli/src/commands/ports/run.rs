@@ -1,8 +1,8 @@
 //! `softplug ports`.
 
 use serde::Serialize;
-use softplug_gateway::Holder;
-use softplug_gateway::ports::{self, PortInfo, PortKind};
+use softplug_live::Holder;
+use softplug_live::ports::{self, PortInfo, PortKind};
 
 use crate::exit::Exit;
 use crate::failure::Failure;

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::path::Path;
 
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_service::view::ProgramView;
 
 use super::{Arguments, Download, Upload, Verb};

@@ -9,8 +9,8 @@ use clap::{ArgGroup, Args};
 use serde::Serialize;
 use softplug_abi::manifest::SettingValues;
 use softplug_catalogue::Notations;
-use softplug_gateway::PortSpec;
-use softplug_gateway::store::{Inbox, Shelf};
+use softplug_live::PortSpec;
+use softplug_live::store::{Inbox, Shelf};
 
 use super::send::StatusDocument;
 use crate::exit::Exit;

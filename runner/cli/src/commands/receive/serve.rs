@@ -10,8 +10,8 @@ use serde::Serialize;
 use softplug_abi::Failure as Why;
 use softplug_abi::manifest::{Kind, Manifest};
 use softplug_catalogue::{HEAD_BYTES, Notations, is_same_program};
-use softplug_gateway::store::{Inbox, Mark, Shelf};
-use softplug_gateway::transfer::{
+use softplug_live::store::{Inbox, Mark, Shelf};
+use softplug_live::transfer::{
     self, Delivered, JobReport, News, Program, Reply, Request, SendOutcome, ServeEnd, ServeHandler,
     ServeOptions, ServeReport,
 };

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use softplug_abi::Failure as Why;
 use softplug_abi::manifest::Manifest;
-use softplug_gateway::store::Inbox;
-use softplug_gateway::transfer::{self, ReceiveOutcome};
+use softplug_live::store::Inbox;
+use softplug_live::transfer::{self, ReceiveOutcome};
 use softplug_trial::reason;
 
 use super::{Arguments, Document, Prepared};

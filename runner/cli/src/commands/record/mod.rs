@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use softplug_abi::LineParameters;
 use softplug_abi::manifest::SettingValues;
-use softplug_gateway::PortSpec;
+use softplug_live::PortSpec;
 use softplug_trace::is_slug;
 
 use crate::assignment::Assignment;

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_service::http::Problem;
 use softplug_service::view::now_ms;
 use ureq::http::{Request, Response, StatusCode};

@@ -1,6 +1,6 @@
 //! What a gateway has measured on a bus, for the planner.
 
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_plan::Measured;
 use softplug_service::view::BusView;
 

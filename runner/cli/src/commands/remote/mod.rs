@@ -22,7 +22,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use softplug_gateway::quantity;
+use softplug_live::quantity;
 
 /// Where the gateway is, and who we are.
 #[derive(Clone, Debug, Args)]

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use data_encoding::HEXLOWER;
 use softplug_abi::{Failure as Why, LineParameters, Micros};
-use softplug_gateway::pacer::default_depth;
-use softplug_gateway::port::line_text;
+use softplug_live::pacer::default_depth;
+use softplug_live::port::line_text;
 use softplug_machines::pulse_lathe::{Lathe, LatheReport};
 use softplug_trial::{Budget, End, Note, Setup, Side, Trial, Tried, WAITS, reason};
 

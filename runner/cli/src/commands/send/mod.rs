@@ -11,8 +11,8 @@ use clap::Args;
 use serde::Serialize;
 use softplug_abi::Failure as Why;
 use softplug_abi::manifest::{FieldError, Kind, Manifest, SettingValues};
-use softplug_gateway::PortSpec;
-use softplug_gateway::store::Inbox;
+use softplug_live::PortSpec;
+use softplug_live::store::Inbox;
 use softplug_trial::Refused;
 
 use crate::assignment::{Assignment, field};

@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use data_encoding::HEXLOWER;
 use softplug_abi::Failure as Why;
-use softplug_gateway::PortSpec;
-use softplug_gateway::store::Inbox;
-use softplug_gateway::transfer::{self, Progress, SendOptions, SendOutcome, SendReport};
+use softplug_live::PortSpec;
+use softplug_live::store::Inbox;
+use softplug_live::transfer::{self, Progress, SendOptions, SendOutcome, SendReport};
 use softplug_trial::reason;
 
 use super::{Arguments, Document, Prepared, StatusDocument, check_message};

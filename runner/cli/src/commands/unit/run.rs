@@ -12,12 +12,12 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde::Serialize;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
-use softplug_gateway::plain_text;
-use softplug_gateway::units::{
+use softplug_host::{Digest, LoadError, lint, read_module};
+use softplug_live::plain_text;
+use softplug_live::units::{
     CanAddress, NoTlsKey, TlsKeys, TlsPrivateKey, UnitAddress, UnitClient, UnitClientError,
     UnitLinkSurvey, UnitPlace, UnitPlugin, UnitSlotSurvey, units_on_can,
 };
-use softplug_host::{Digest, LoadError, lint, read_module};
 use softplug_service::config::LogFormat;
 use softplug_service::library::{Library, SIGNATURE_BYTES};
 use softplug_service::{logs, systemd};

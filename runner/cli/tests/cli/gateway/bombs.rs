@@ -7,7 +7,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
-use softplug_gateway::pty::PtyPair;
+use softplug_live::pty::PtyPair;
 use softplug_service::library::Library;
 
 use super::{Gateway, HANG, bench, link, take, token, wait_for};

@@ -6,7 +6,7 @@ mod needs_unshare {
     use std::process::{Command, Stdio};
 
     use rustix::process::Signal;
-    use softplug_gateway::pty::PtyPair;
+    use softplug_live::pty::PtyPair;
 
     use super::super::{Gateway, bench, link, take, token, wait_for};
     use crate::bench::Bench;

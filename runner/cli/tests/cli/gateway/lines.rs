@@ -3,7 +3,7 @@
 use std::net::{TcpListener, TcpStream};
 
 use rustix::process::Signal;
-use softplug_gateway::pty::PtyPair;
+use softplug_live::pty::PtyPair;
 
 use super::{Gateway, bench, link, take, token, wait_for};
 

@@ -4,7 +4,7 @@
 use std::net::TcpStream;
 
 use rustix::process::Signal;
-use softplug_gateway::pty::PtyPair;
+use softplug_live::pty::PtyPair;
 
 use super::{Gateway, bench, link, ready, take, token, wait_for};
 use crate::bench::Bench;

@@ -1,6 +1,6 @@
 //! A plug-in that fails on a link: what is told of it, and its trace, replayed elsewhere.
 
-use softplug_gateway::pty::PtyPair;
+use softplug_live::pty::PtyPair;
 use softplug_service::library::Library;
 
 use super::{Gateway, bench, token, wait_for};

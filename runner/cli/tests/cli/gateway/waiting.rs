@@ -1,7 +1,7 @@
 //! A job that waits for the machine: what is awaited, and what the operator has to do.
 
 use rustix::process::Signal;
-use softplug_gateway::pty::PtyPair;
+use softplug_live::pty::PtyPair;
 
 use super::{Gateway, bench, link, take, token, wait_for};
 

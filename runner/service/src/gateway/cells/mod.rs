@@ -19,7 +19,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use softplug_cell::{Cell, Change, ChannelId, Chart, End, Event, Refused, Saved, Stop};
-use softplug_gateway::reactor::Command;
+use softplug_live::reactor::Command;
 
 use super::Control;
 use super::link::Running;

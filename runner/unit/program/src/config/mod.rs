@@ -9,7 +9,7 @@ use std::io::{self, Read};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-use softplug_gateway::{PortSpec, plain_text};
+use softplug_live::{PortSpec, plain_text};
 use softplug_unit_uplink::{CanAddress, TlsKeys};
 use thiserror::Error;
 

@@ -11,8 +11,8 @@ use ed25519_dalek::pkcs8::DecodePublicKey;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use softplug_abi::LineParameters;
-use softplug_gateway::port::parse_line;
-use softplug_gateway::{PortSpec, plain_text, quantity};
+use softplug_live::port::parse_line;
+use softplug_live::{PortSpec, plain_text, quantity};
 use softplug_unit_uplink::{TlsKeys, TlsPrivateKey, TlsPublicKey};
 use toml::{Spanned, Value};
 
@@ -168,7 +168,7 @@ impl TryFrom<String> for Port {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        text.parse().map(Self).map_err(|error: softplug_gateway::BadSpec| error.to_string())
+        text.parse().map(Self).map_err(|error: softplug_live::BadSpec| error.to_string())
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use softplug_abi::Failure;
-use softplug_gateway::reservoir::{Drawn, ReservoirReader};
+use softplug_live::reservoir::{Drawn, ReservoirReader};
 use softplug_unit_protocol::ToServer;
 
 /// Bytes that may be on their way to the server and not stored yet.

@@ -1,9 +1,9 @@
 //! A link's job: one at a time, fed by credit, kept until its end has been noted.
 
 use softplug_abi::{Failure, Micros};
-use softplug_gateway::reactor::{Command, Feed, JobEnd, JobOutcome, LaneFigures, LaneId};
-use softplug_gateway::reservoir::{ReservoirWriter, reservoir};
 use softplug_link::Job;
+use softplug_live::reactor::{Command, Feed, JobEnd, JobOutcome, LaneFigures, LaneId};
+use softplug_live::reservoir::{ReservoirWriter, reservoir};
 use softplug_unit_protocol::{CREDIT_PARTS, Fed, Outcome, ToServer, ToUnit};
 
 use super::{Surroundings, short};
@@ -156,7 +156,7 @@ impl Jobs {
     fn reservoir(
         &self,
         around: &Surroundings<'_>,
-    ) -> (ReservoirWriter, softplug_gateway::reservoir::ReservoirReader) {
+    ) -> (ReservoirWriter, softplug_live::reservoir::ReservoirReader) {
         let (writer, source) = reservoir(self.buffer, self.buffer / 4, self.buffer);
         writer.wake_with(around.waker.clone());
         (writer, source)

@@ -11,9 +11,9 @@ use std::sync::mpsc::Sender;
 use std::task::Waker;
 
 use softplug_abi::{Failure, Micros};
-use softplug_gateway::plain_text;
-use softplug_gateway::reactor::{Command, LaneFigures, LaneId, Probation, Reactor, Report, When};
 use softplug_host::{Host, Session};
+use softplug_live::plain_text;
+use softplug_live::reactor::{Command, LaneFigures, LaneId, Probation, Reactor, Report, When};
 use softplug_unit_protocol::{Digest, ToServer, ToUnit, WhenCode};
 use softplug_unit_uplink::Outbox;
 

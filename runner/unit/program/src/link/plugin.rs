@@ -4,14 +4,14 @@ use std::thread;
 
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{LineParameters, Micros, NoteLevel};
-use softplug_gateway::PortOptions;
-use softplug_gateway::channel::StationOptions;
-use softplug_gateway::port::parse_line;
-use softplug_gateway::reactor::{
-    Backoff, Command, LaneId, LaneSetup, Probation, Swap, SwapReport, Watchdogs, When,
-};
 use softplug_host::Plugin;
 use softplug_link::{Spare, Successor};
+use softplug_live::PortOptions;
+use softplug_live::channel::StationOptions;
+use softplug_live::port::parse_line;
+use softplug_live::reactor::{
+    Backoff, Command, LaneId, LaneSetup, Probation, Swap, SwapReport, Watchdogs, When,
+};
 use softplug_unit_protocol::{Digest, SwapOutcome, ToServer, ToUnit};
 
 use super::settings::Given;

@@ -1,7 +1,7 @@
 //! What a server is told of a link as a whole.
 
 use softplug_abi::NoteLevel;
-use softplug_gateway::reactor::LaneFigures;
+use softplug_live::reactor::LaneFigures;
 use softplug_unit_protocol::ToServer;
 
 use super::{Asked, Link, Surroundings, short};

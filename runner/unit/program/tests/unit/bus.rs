@@ -5,12 +5,12 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Instant;
 
 use softplug_abi::Micros;
-use softplug_gateway::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
-use softplug_gateway::reservoir::reservoir;
-use softplug_gateway::units::{
+use softplug_link::Job;
+use softplug_live::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
+use softplug_live::reservoir::reservoir;
+use softplug_live::units::{
     BusRates, BusSetup, BusSurvey, UnitAddress, UnitCommand, UnitPlace, UnitSetup, Units,
 };
-use softplug_link::Job;
 use softplug_machines::kept::Received;
 use tempfile::TempDir;
 

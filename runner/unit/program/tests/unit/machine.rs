@@ -5,8 +5,8 @@ use std::thread::{self, JoinHandle};
 use std::time::Instant;
 
 use softplug_abi::{LineParameters, Micros};
-use softplug_gateway::poll::Waker;
-use softplug_gateway::simulator::Simulator;
+use softplug_live::poll::Waker;
+use softplug_live::simulator::Simulator;
 use softplug_machines::Partner;
 use softplug_machines::r3964::rk512::{self, Computer};
 use softplug_machines::xon_xoff::{Control, ControlOptions};

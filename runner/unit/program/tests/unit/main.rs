@@ -12,8 +12,8 @@ use machine::Machine;
 use raw_server::RawServer;
 use shop::{Shop, ended, program};
 use softplug_abi::Failure;
-use softplug_gateway::reactor::{JobOutcome, Probation, SwapReport, When};
-use softplug_gateway::units::{UnitCommand, UnitPlugin};
+use softplug_live::reactor::{JobOutcome, Probation, SwapReport, When};
+use softplug_live::units::{UnitCommand, UnitPlugin};
 use softplug_unit_protocol::ToUnit;
 
 #[test]

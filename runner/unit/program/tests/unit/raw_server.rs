@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use mio::{Events, Interest, Poll, Token};
 use softplug_abi::Micros;
-use softplug_gateway::clock::Clock;
+use softplug_live::clock::Clock;
 use softplug_unit_protocol::{Identity, Messages, Role, Session, ToServer, ToUnit};
 use softplug_unit_uplink::{Outbox, TcpUplink, Uplink};
 

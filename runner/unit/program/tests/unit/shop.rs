@@ -8,13 +8,13 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use softplug_abi::Micros;
-use softplug_gateway::reactor::{Backoff, Feed, JobEnd, LaneId, Report, SwapReport};
-use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
-use softplug_gateway::units::{
-    TlsKeys, UnitAddress, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units,
-};
 use softplug_host::Digest;
 use softplug_link::Job;
+use softplug_live::reactor::{Backoff, Feed, JobEnd, LaneId, Report, SwapReport};
+use softplug_live::reservoir::{Drawn, ReservoirReader, reservoir};
+use softplug_live::units::{
+    TlsKeys, UnitAddress, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units,
+};
 use softplug_machines::kept::Received;
 use softplug_unit::{Reach, Stop, Unit, UnitConfig};
 use softplug_unit_slots::{FileDevice, Geometry, Options, Slot, Slots, Trust};

@@ -4,8 +4,8 @@ use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
 
-use softplug_gateway::reactor::JobOutcome;
-use softplug_gateway::units::{TlsKeys, TlsPrivateKey, TlsPublicKey};
+use softplug_live::reactor::JobOutcome;
+use softplug_live::units::{TlsKeys, TlsPrivateKey, TlsPublicKey};
 use tempfile::TempDir;
 
 use crate::machine::Machine;

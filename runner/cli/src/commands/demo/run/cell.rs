@@ -7,7 +7,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use serde_json::json;
-use softplug_gateway::plain_text;
+use softplug_live::plain_text;
 use softplug_service::config::Config;
 use softplug_service::gateway::{Gateway, Running, start};
 use softplug_service::library::Library;

@@ -9,9 +9,9 @@ use std::thread;
 
 use serde_json::Value;
 use softplug_abi::LineParameters;
-use softplug_gateway::station::{Station, StationOptions};
-use softplug_gateway::transfer::{self, SendOptions, SendOutcome, SendReport};
-use softplug_gateway::{Port, PortError, PortOptions};
+use softplug_live::station::{Station, StationOptions};
+use softplug_live::transfer::{self, SendOptions, SendOutcome, SendReport};
+use softplug_live::{Port, PortError, PortOptions};
 use softplug_trial::reason;
 
 use super::pulse::Pulse;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde_json::json;
 use softplug_abi::{Failure as Why, Micros};
-use softplug_gateway::transfer::{
+use softplug_live::transfer::{
     self, Delivered, News, Program, Reply, Request, SendOutcome, ServeHandler, ServeOptions,
 };
 use softplug_machines::fanuc::{Feeding, Options, Press, Report, eight_none_two};

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde_json::json;
 use softplug_abi::{LineParameters, Micros};
-use softplug_gateway::transfer::{
+use softplug_live::transfer::{
     self, Delivered, News, Reply, Request, SendOutcome, SendReport, ServeHandler, ServeOptions,
 };
 use softplug_machines::r3964::{Fault, Faults, Noise, Options, Report, Station as Partner, When};

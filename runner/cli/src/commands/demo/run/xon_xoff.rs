@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde_json::json;
 use softplug_abi::{LineParameters, Micros};
-use softplug_gateway::transfer::{self, ReceiveOutcome, ReceiveReport, SendOutcome, SendReport};
+use softplug_live::transfer::{self, ReceiveOutcome, ReceiveReport, SendOutcome, SendReport};
 use softplug_machines::xon_xoff::{ControlOptions, ControlReport};
 
 use super::context::{DemoContext, Shown, Worker, program, station, why};

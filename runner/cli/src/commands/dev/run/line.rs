@@ -4,10 +4,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 
 use softplug_abi::{Action, Micros};
-use softplug_gateway::station::{Station, StationError, StationOptions, Turn};
-use softplug_gateway::store::{Inbox, Mark};
-use softplug_gateway::{PortOptions, PortSpec};
 use softplug_link::{Job, LinkHost, Successor, Supply, SwapError};
+use softplug_live::station::{Station, StationError, StationOptions, Turn};
+use softplug_live::store::{Inbox, Mark};
+use softplug_live::{PortOptions, PortSpec};
 use softplug_trial::reason;
 
 use super::{Ready, next};

@@ -14,7 +14,7 @@ use softplug_conformance::Summary;
 
 use self::line::Line;
 use self::watch::Changes;
-use softplug_gateway::store::Inbox;
+use softplug_live::store::Inbox;
 
 use crate::commands::build::{Built, Project, build};
 use crate::commands::dev::Arguments;

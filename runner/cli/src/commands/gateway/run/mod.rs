@@ -13,7 +13,7 @@ use std::time::Duration;
 use serde::Serialize;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR2};
 use signal_hook::iterator::Signals;
-use softplug_gateway::PortError;
+use softplug_live::PortError;
 use softplug_service::config::{Config, ConfigError, ConfigFinding, FileWatch, LogFormat};
 use softplug_service::gateway::{self, Gateway, StartError};
 use softplug_service::http::{self, Role, ServeError};

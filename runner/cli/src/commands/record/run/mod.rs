@@ -11,9 +11,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use softplug_abi::{LineParameters, Micros, Parity};
-use softplug_gateway::port::line_text;
-use softplug_gateway::tap::{Event, Side, Tap, Turn};
-use softplug_gateway::{Input, Port, PortOptions, PortSpec};
+use softplug_live::port::line_text;
+use softplug_live::tap::{Event, Side, Tap, Turn};
+use softplug_live::{Input, Port, PortOptions, PortSpec};
 use softplug_trace::{
     Assignment, Entry, FrontMatter, HostRequest, Item, Level, Line, LineSettings, Origin, Payload,
     Permutations, SourceLine, Time, What, When,

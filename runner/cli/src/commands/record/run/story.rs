@@ -8,8 +8,8 @@ use std::collections::VecDeque;
 
 use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
 use softplug_conformance::{damage, line_error_name};
-use softplug_gateway::Input;
-use softplug_gateway::tap::{Event, Side};
+use softplug_live::Input;
+use softplug_live::tap::{Event, Side};
 use softplug_trace::{BadKind, LineEvent, ModemLevels, ModemLine};
 
 /// Characters that one read of a port with a rate can bring.

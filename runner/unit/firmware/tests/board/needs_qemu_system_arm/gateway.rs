@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 use sha2::{Digest, Sha256};
 use softplug_abi::Micros;
 use softplug_abi::manifest::Manifest;
-use softplug_gateway::reactor::{Backoff, Feed, JobEnd, LaneId, Report};
-use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
-use softplug_gateway::units::{UnitAddress, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units};
 use softplug_link::{Job, LinkOptions, Recorder, VirtualLine};
+use softplug_live::reactor::{Backoff, Feed, JobEnd, LaneId, Report};
+use softplug_live::reservoir::{Drawn, ReservoirReader, reservoir};
+use softplug_live::units::{UnitAddress, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units};
 use softplug_native::NativePlugin;
 
 use super::board::PATIENCE;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use board::{Board, Figures};
 use gateway::{Gateway, built, program, sent_natively};
-use softplug_gateway::reactor::JobOutcome;
+use softplug_live::reactor::JobOutcome;
 use softplug_unit_slots::{Options, Ram, Slot, Slots, State, Trust};
 
 /// The RAM that a plug-in, the link, the protocol and all else may take.

@@ -1,0 +1,156 @@
+//! What a partner sends besides a transfer: refused where it has no place, kept where it has one,
+//! and never acknowledged and dropped.
+
+#![cfg(target_os = "linux")]
+
+use std::fs::{self, File};
+use std::io::{Cursor, ErrorKind, Read, Write};
+use std::os::fd::AsFd;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, poll};
+use softplug_abi::LineParameters;
+use softplug_abi::manifest::Manifest;
+use softplug_live::pty::PtyPair;
+use softplug_live::station::{Station, StationOptions};
+use softplug_live::store::Inbox;
+use softplug_live::transfer::{ReceiveOutcome, SendOptions, SendOutcome, ask, receive};
+use softplug_live::{Port, PortOptions, PortSpec};
+use softplug_native::{NativeInstance, NativePlugin};
+
+const DLE: u8 = 0x10;
+const STX: u8 = 0x02;
+const NAK: u8 = 0x15;
+/// The block "A" on the line.
+const BLOCK: [u8; 4] = [b'A', DLE, 0x03, 0x52];
+/// The partner's block "XY".
+const THEIRS: [u8; 5] = [b'X', b'Y', DLE, 0x03, 0x12];
+
+/// A station on the slave of a pty, and the master.
+fn pair(
+    plugin: NativePlugin,
+    asked: &[(&str, &str)],
+    delivery_room: u32,
+) -> (Station<NativeInstance>, PtyPair) {
+    let mut pair = PtyPair::open().unwrap();
+    let spec = PortSpec::Device(pair.slave_path().to_owned());
+    let port = Port::open(&spec, &PortOptions::new(LineParameters::new(115_200))).unwrap();
+    pair.release_slave();
+    let manifest = Manifest::parse(plugin.manifest().as_bytes()).unwrap();
+    let settings = manifest.resolve_settings(asked.iter().copied()).unwrap();
+    let options = StationOptions { settings, delivery_room, ..StationOptions::default() };
+    (Station::new(port, plugin.instantiate(), options).unwrap(), pair)
+}
+
+/// A partner that reads what it is to be sent, and then says something, in turns.
+fn partner(pair: PtyPair, turns: Vec<(Vec<u8>, Vec<u8>)>) -> JoinHandle<PtyPair> {
+    thread::spawn(move || {
+        let mut master = File::from(pair.master().as_fd().try_clone_to_owned().unwrap());
+        for (expected, answer) in turns {
+            let mut came: Vec<u8> = Vec::new();
+            while came.len() < expected.len() {
+                let _ = poll(&mut [PollFd::new(&master, PollFlags::IN)], None);
+                let mut byte = [0];
+                match master.read(&mut byte) {
+                    Ok(count) => came.extend(&byte[..count]),
+                    Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+                    Err(error) => panic!("{error}"),
+                }
+            }
+            assert_eq!(came, expected);
+            master.write_all(&answer).unwrap();
+        }
+        pair
+    })
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name();
+    let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(name).collect();
+    names.sort();
+    names.into_iter().map(|name| name.into_string().unwrap()).collect()
+}
+
+const QUIET: [(&str, &str); 1] = [("nak_at_start", "off")];
+
+#[test]
+fn without_a_place_the_partners_block_is_refused_and_not_acknowledged() {
+    let (mut station, pair) = pair(NativePlugin::R3964, &QUIET, 0);
+    // Both begin at once: the partner goes first, and finds no buffer.
+    let far = partner(
+        pair,
+        vec![(vec![STX], vec![STX]), (vec![NAK, STX], vec![DLE]), (BLOCK.to_vec(), vec![DLE])],
+    );
+    let (options, stop) = (SendOptions::default(), AtomicBool::new(false));
+    let (mut source, mut answer) = (Cursor::new(b"A"), Vec::new());
+    let report =
+        ask(&mut station, &mut source, &mut answer, None, &options, &stop, &mut |_| {}).unwrap();
+    far.join().unwrap();
+    assert_eq!(report.outcome, SendOutcome::Done);
+    assert_eq!((report.refused, report.received), (1, 0));
+    assert_eq!((report.kept, answer), (Vec::new(), Vec::new()));
+}
+
+#[test]
+fn with_a_place_the_partners_block_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut inbox = Inbox::new(folder.path()).unwrap();
+    let (mut station, pair) = pair(NativePlugin::R3964, &QUIET, 16_384);
+    let far = partner(
+        pair,
+        vec![
+            (vec![STX], vec![STX]),
+            (vec![DLE], THEIRS.to_vec()),
+            (vec![DLE, STX], vec![DLE]),
+            (BLOCK.to_vec(), vec![DLE]),
+        ],
+    );
+    let (options, stop) = (SendOptions::default(), AtomicBool::new(false));
+    let mut source = Cursor::new(b"A");
+    let besides = Some(&mut inbox);
+    let report =
+        ask(&mut station, &mut source, &mut Vec::new(), besides, &options, &stop, &mut |_| {})
+            .unwrap();
+    far.join().unwrap();
+    assert_eq!(report.outcome, SendOutcome::Done);
+    assert_eq!((report.refused, report.received, report.kept.len()), (0, 0, 1));
+    let kept = &report.kept[0];
+    assert_eq!((kept.bytes, kept.failure), (2, None));
+    assert_eq!(fs::read(kept.path.as_ref().unwrap()).unwrap(), b"XY");
+    assert_eq!(names(folder.path()).len(), 1);
+}
+
+#[test]
+fn the_next_program_of_one_punch_is_kept_beside_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut inbox = Inbox::new(folder.path()).unwrap();
+    let (mut station, pair) = pair(NativePlugin::FanucRs232, &[], 16_384);
+    let punched = b"\x12%\nO1\nM30\n%\nO2\nM30\n%\n".to_vec();
+    // The rest comes after the first program has ended.
+    let far = partner(pair, vec![(Vec::new(), punched), (Vec::new(), b"\0\0\x14".to_vec())]);
+    let (mut out, stop) = (Vec::new(), AtomicBool::new(false));
+    let give_up = Some(Duration::from_mins(1));
+    let report =
+        receive(&mut station, &mut out, Some(&mut inbox), give_up, &stop, &mut |_| {}).unwrap();
+    far.join().unwrap();
+    assert_eq!(report.outcome, ReceiveOutcome::Complete);
+    assert_eq!((report.name.as_deref(), &out[..]), (Some("O1"), &b"%\nO1\nM30\n%\n"[..]));
+    assert_eq!(names(folder.path()), ["O2"]);
+    assert_eq!(fs::read(folder.path().join("O2")).unwrap(), b"%\nO2\nM30\n%\n");
+    assert_eq!((report.kept.len(), report.dropped), (1, 0));
+}
+
+#[test]
+fn characters_that_are_no_program_are_counted() {
+    let (mut station, pair) = pair(NativePlugin::FanucRs232, &[], 16_384);
+    // Without DC2 no program begins.
+    let far = partner(pair, vec![(Vec::new(), b"%\nO1\n%\n".to_vec())]);
+    let (mut out, stop) = (Vec::new(), AtomicBool::new(false));
+    let give_up = Some(Duration::from_secs(1));
+    let report = receive(&mut station, &mut out, None, give_up, &stop, &mut |_| {}).unwrap();
+    far.join().unwrap();
+    assert_eq!((report.outcome, report.heard), (ReceiveOutcome::NothingCame, 7));
+}
