@@ -5,7 +5,7 @@ use crate::held::Held;
 use crate::instance::{Explored, Shared};
 use crate::log::Log;
 use crate::sandbox::StepFault;
-use softplug_abi::{Action, Failure, Micros};
+use softplug_abi::{Action, Failure, JobId, Micros, RequestId};
 use softplug_link::{
     HoldState, Job, LinkFault, LinkHost, LinkOptions, Recorder, Supply, SwapError, VirtualLine,
 };
@@ -186,7 +186,7 @@ impl PlugIn {
 
     /// The job under way.
     pub(crate) fn job(&self) -> Option<u32> {
-        self.line.link.job()
+        self.line.link.job().map(|job| job.0)
     }
 
     pub(crate) fn is_down(&self) -> bool {
@@ -330,22 +330,22 @@ impl PlugIn {
                 self.begun += 1;
                 host.source = Some((Arc::clone(data), 0));
                 let (kind, check, size) = (*place, *check, Some(data.len() as u64));
-                let job = Job { id: *id, kind, size, fields: Vec::new(), check };
+                let job = Job { id: JobId(*id), kind, size, fields: Vec::new(), check };
                 link.begin_job(now, job, host)?;
             }
             HostRequest::Pause(job) => {
                 self.is_paused = true;
-                link.pause(now, *job, host)?;
+                link.pause(now, JobId(*job), host)?;
             }
             HostRequest::Resume(job) => {
                 self.is_paused = false;
-                link.resume(now, *job, host)?;
+                link.resume(now, JobId(*job), host)?;
             }
-            HostRequest::Abort(job) => link.abort(now, *job, host)?,
+            HostRequest::Abort(job) => link.abort(now, JobId(*job), host)?,
             HostRequest::ForceResume => link.force_resume(now, host)?,
             HostRequest::Answer(request, answer) => {
                 let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);
-                link.answer(now, *request, answer, host)?;
+                link.answer(now, RequestId(*request), answer, host)?;
             }
             HostRequest::Keep => host.keeps = true,
             HostRequest::PutAway(_) => {}
@@ -414,12 +414,12 @@ impl LinkHost for Host {
             }
             Action::JobDone { .. } => self.told.push(Told::Done),
             Action::JobFailed { failure, .. } => self.told.push(Told::Failed(*failure)),
-            Action::Request { request, .. } => self.told.push(Told::Requested(*request)),
+            Action::Request { request, .. } => self.told.push(Told::Requested(request.0)),
             _ => {}
         }
     }
 
-    fn supply(&mut self, _: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _: JobId, buffer: &mut [u8]) -> Supply {
         let Some((data, given)) = &mut self.source else { return Supply::End };
         let rest = &data[*given..];
         let count = rest.len().min(buffer.len());
@@ -431,7 +431,7 @@ impl LinkHost for Host {
         Supply::Bytes(count)
     }
 
-    fn rewind(&mut self, _: u32) {
+    fn rewind(&mut self, _: JobId) {
         if let Some((_, given)) = &mut self.source {
             *given = 0;
         }

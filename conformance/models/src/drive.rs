@@ -2,7 +2,7 @@
 
 use crate::model::{Broken, Conditions, Effect, Given, HostRequest, LineInput, Model};
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Action, Instance, Micros, ModemLines};
+use softplug_abi::{Action, Instance, JobId, Micros, ModemLines, RequestId};
 use softplug_link::{
     Job, LinkFault, LinkHost, LinkOptions, Observed, Recorder, Supply, VirtualLine,
 };
@@ -259,20 +259,20 @@ impl<'a, I: Instance> Drive<'a, I> {
             HostRequest::Job { id, kind, fields, data } => {
                 let job = self.job(*id, kind, fields, data.len());
                 let job = job.map_err(|message| Finding::Fault { at: self.now, message })?;
-                self.recorder.add_source(self.of_link(*id), data.clone());
+                self.recorder.add_source(JobId(self.of_link(*id)), data.clone());
                 self.call(|line, now, host| line.link.begin_job(now, job, host))
             }
             HostRequest::Pause(job) => {
                 let job = self.of_link(*job);
-                self.call(|line, now, host| line.link.pause(now, job, host))
+                self.call(|line, now, host| line.link.pause(now, JobId(job), host))
             }
             HostRequest::Resume(job) => {
                 let job = self.of_link(*job);
-                self.call(|line, now, host| line.link.resume(now, job, host))
+                self.call(|line, now, host| line.link.resume(now, JobId(job), host))
             }
             HostRequest::Abort(job) => {
                 let job = self.of_link(*job);
-                self.call(|line, now, host| line.link.abort(now, job, host))
+                self.call(|line, now, host| line.link.abort(now, JobId(job), host))
             }
             HostRequest::ForceResume => {
                 self.call(|line, now, host| line.link.force_resume(now, host))
@@ -292,7 +292,9 @@ impl<'a, I: Instance> Drive<'a, I> {
             }
             HostRequest::Answer(request, answer) => {
                 let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);
-                self.call(|line, now, host| line.link.answer(now, *request, answer, host))
+                self.call(|line, now, host| {
+                    line.link.answer(now, RequestId(*request), answer, host)
+                })
             }
         }
     }
@@ -311,7 +313,7 @@ impl<'a, I: Instance> Drive<'a, I> {
         let fields = fields.map_err(|error| error.to_string())?;
         let check = self.manifest.needs.check_pass;
         let size = self.has_sizes.then_some(size as u64);
-        Ok(Job { id: self.of_link(id), kind: place, size, fields, check })
+        Ok(Job { id: JobId(self.of_link(id)), kind: place, size, fields, check })
     }
 
     /// The link's id of a job; 0 is the delivery.
@@ -418,13 +420,13 @@ impl LinkHost for Watch<'_> {
         self.recorder.handle(now, action);
     }
 
-    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         let most = buffer.len().min(self.pieces);
-        self.recorder.supply(job, &mut buffer[..most])
+        self.recorder.supply(JobId(job.0), &mut buffer[..most])
     }
 
-    fn rewind(&mut self, job: u32) {
-        self.recorder.rewind(job);
+    fn rewind(&mut self, job: JobId) {
+        self.recorder.rewind(JobId(job.0));
     }
 
     fn drained(&mut self) -> u32 {

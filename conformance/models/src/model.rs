@@ -206,26 +206,26 @@ impl Effect {
             Observed::Break(micros) => Self::Break(micros),
             Observed::ModemLines(mask, on) => Self::ModemLines(mask, on),
             Observed::Delivery(delivery) => Self::Delivered {
-                id: delivery.id,
+                id: delivery.id.0,
                 bytes: delivery.bytes,
                 name: delivery.name,
                 failure: delivery.failure,
                 status: delivery.status,
             },
-            Observed::Done { job, sent } => Self::Done { job, sent },
+            Observed::Done { job, sent } => Self::Done { job: job.0, sent },
             Observed::Failed { job, failure, status, sent } => {
-                Self::Failed { job, failure, status, sent }
+                Self::Failed { job: job.0, failure, status, sent }
             }
             Observed::Checked { job, failure, status, line, column } => {
-                Self::Checked { job, failure, status, line, column }
+                Self::Checked { job: job.0, failure, status, line, column }
             }
             Observed::Request { request, kind, fields } => {
                 let kind = manifest.requests.get(usize::from(kind));
                 let named = kind.map(|kind| kind.assignments(&fields)).unwrap_or_default();
                 let kind = kind.map(|kind| kind.name.clone()).unwrap_or_default();
-                Self::Requested { id: request, kind, fields: named }
+                Self::Requested { id: request.0, kind, fields: named }
             }
-            Observed::Withdraw(request) => Self::Withdrawn(request),
+            Observed::Withdraw(request) => Self::Withdrawn(request.0),
             Observed::Hold | Observed::Release | Observed::Note(..) | Observed::State(_) => {
                 return None;
             }

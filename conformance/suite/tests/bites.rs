@@ -3,7 +3,8 @@
 
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{
-    Action, ActionWriter, Event, EventKind, Instance, MarkState, Micros, Output, Pass,
+    Action, ActionWriter, DeliveryId, Event, EventKind, Instance, JobId, MarkId, MarkState, Micros,
+    Output, Pass,
 };
 use softplug_conformance::{
     Case, Class, FaultClass, Filter, FromFn, Permutation, Summary, Verdict, bless, calls, replay,
@@ -108,16 +109,20 @@ impl OwnedAction {
         match self {
             Self::Hold => push(Action::Hold),
             Self::Release => push(Action::Release),
-            Self::Want(job) => push(Action::Want { job: *job, bytes: 1_000 }),
-            Self::Send(bytes) => push(Action::Transmit { mark: 0, bytes }),
-            Self::Mark => push(Action::Transmit { mark: 1, bytes: &[] }),
-            Self::Done(job) => push(Action::JobDone { job: *job, sent: 0 }),
+            Self::Want(job) => push(Action::Want { job: JobId(*job), bytes: 1_000 }),
+            Self::Send(bytes) => push(Action::Transmit { mark: MarkId(0), bytes }),
+            Self::Mark => push(Action::Transmit { mark: MarkId(1), bytes: &[] }),
+            Self::Done(job) => push(Action::JobDone { job: JobId(*job), sent: 0 }),
             Self::Line(delivery, bytes) => {
-                push(Action::DeliveryBegin { delivery: *delivery, job: 0 });
+                push(Action::DeliveryBegin { delivery: DeliveryId(*delivery), job: JobId(0) });
                 if !bytes.is_empty() {
-                    push(Action::Deliver { delivery: *delivery, bytes });
+                    push(Action::Deliver { delivery: DeliveryId(*delivery), bytes });
                 }
-                push(Action::DeliveryEnd { delivery: *delivery, failure: None, status: 0 });
+                push(Action::DeliveryEnd {
+                    delivery: DeliveryId(*delivery),
+                    failure: None,
+                    status: 0,
+                });
             }
             Self::Saved(bytes) => {
                 let total = bytes.len() as u32;
@@ -145,8 +150,8 @@ impl Instance for Scripted {
             }
             Event::Received(bytes) => self.received(bytes, &mut actions),
             Event::JobBegin { job, pass: Pass::Run, .. } => {
-                self.job = *job;
-                actions.push(OwnedAction::Want(*job));
+                self.job = job.0;
+                actions.push(OwnedAction::Want(job.0));
             }
             Event::JobData { bytes, .. } => {
                 let lost = usize::from(self.flaw == Flaw::LosesLastOfBurst);

@@ -5,7 +5,7 @@ mod fanuc;
 
 use fanuc::resolve;
 use sha2::{Digest, Sha256};
-use softplug_abi::{Action, Failure, Micros};
+use softplug_abi::{Action, Failure, JobId, Micros};
 use softplug_link::{Job, LinkHost, LinkOptions, Supply};
 use softplug_machines::fanuc::{
     Control, FeedHold, Feeding, Options, Press, Report, seven_even_two,
@@ -39,7 +39,7 @@ impl Host {
             digest: Sha256::new(),
             end: None,
         };
-        host.rewind(0);
+        host.rewind(JobId(0));
         host
     }
 
@@ -84,7 +84,7 @@ impl LinkHost for Host {
         }
     }
 
-    fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _job: JobId, buffer: &mut [u8]) -> Supply {
         let mut count = 0;
         while count < buffer.len() {
             if self.at == self.block.len() && !self.compute_block() {
@@ -106,7 +106,7 @@ impl LinkHost for Host {
         Supply::Bytes(count)
     }
 
-    fn rewind(&mut self, _job: u32) {
+    fn rewind(&mut self, _job: JobId) {
         self.next = 0;
         LABEL.clone_into(&mut self.block);
         self.at = 0;
@@ -133,7 +133,7 @@ fn feed(blocks: u64, control: Options, depth: usize, reaction: Micros) -> Feed {
     line.reaction = reaction;
     let mut host = Host::new(blocks);
     line.line.link.open(Micros::ZERO, &mut host).unwrap();
-    let job = Job { id: 1, kind: 0, size: None, fields: Vec::new(), check: true };
+    let job = Job { id: JobId(1), kind: 0, size: None, fields: Vec::new(), check: true };
     line.line.link.begin_job(Micros::ZERO, job, &mut host).unwrap();
     line.settle(&mut host).unwrap();
     line.partner.press(Micros::ZERO, Press::Read);

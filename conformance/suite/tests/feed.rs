@@ -1,7 +1,7 @@
 //! A 1 MB program fed to a control with a small buffer, in virtual time.
 
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Action, LineParameters, Micros};
+use softplug_abi::{Action, JobId, LineParameters, Micros};
 use softplug_link::{Job, LinkHost, LinkOptions, Supply};
 use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
 use softplug_native::NativePlugin;
@@ -23,7 +23,7 @@ impl LinkHost for Host<'_> {
         }
     }
 
-    fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _job: JobId, buffer: &mut [u8]) -> Supply {
         let rest = &self.program[self.at..];
         let count = rest.len().min(buffer.len());
         if count == 0 {
@@ -34,7 +34,7 @@ impl LinkHost for Host<'_> {
         Supply::Bytes(count)
     }
 
-    fn rewind(&mut self, _job: u32) {
+    fn rewind(&mut self, _job: JobId) {
         self.at = 0;
     }
 }
@@ -56,7 +56,8 @@ fn feed(
     let mut host = Host { program, at: 0, end: None };
     line.line.link.open(Micros::ZERO, &mut host).unwrap();
     let size = Some(program.len() as u64);
-    let job = Job { id: 1, kind: 0, size, fields: Vec::new(), check: manifest.needs.check_pass };
+    let job =
+        Job { id: JobId(1), kind: 0, size, fields: Vec::new(), check: manifest.needs.check_pass };
     line.line.link.begin_job(Micros::ZERO, job, &mut host).unwrap();
     line.settle(&mut host).unwrap();
     line.run_until(Micros::from_secs(86_400), &mut host, |host| host.end.is_some()).unwrap();

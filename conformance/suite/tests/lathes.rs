@@ -2,7 +2,7 @@
 //! time.
 
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Action, Failure, LineParameters, Micros};
+use softplug_abi::{Action, Failure, JobId, LineParameters, Micros};
 use softplug_link::{Job, LinkHost, LinkOptions, Supply};
 use softplug_machines::pulse_lathe::{Lathe, LatheOptions};
 use softplug_native::{NativeInstance, NativePlugin};
@@ -38,7 +38,7 @@ impl LinkHost for Program {
         }
     }
 
-    fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _job: JobId, buffer: &mut [u8]) -> Supply {
         let rest = &self.text[self.at..];
         let count = rest.len().min(buffer.len());
         if count == 0 {
@@ -49,7 +49,7 @@ impl LinkHost for Program {
         Supply::Bytes(count)
     }
 
-    fn rewind(&mut self, _job: u32) {
+    fn rewind(&mut self, _job: JobId) {
         self.at = 0;
     }
 }
@@ -90,7 +90,7 @@ impl Fed {
         let Self { both, program, .. } = &mut fed;
         both.line.link.open(Micros::ZERO, program).unwrap();
         let size = Some(program.text.len() as u64);
-        let job = Job { id: 1, kind: 0, size, fields: Vec::new(), check: true };
+        let job = Job { id: JobId(1), kind: 0, size, fields: Vec::new(), check: true };
         both.line.link.begin_job(Micros::ZERO, job, program).unwrap();
         both.settle(program).unwrap();
         fed

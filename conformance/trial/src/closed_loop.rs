@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use softplug_abi::{Action, Instance, Micros, ModemLines};
+use softplug_abi::{Action, Instance, JobId, Micros, ModemLines};
 use softplug_link::{LinkFault, LinkHost, LinkOptions, Supply, VirtualLine};
 use softplug_machines::{Partner, Signal};
 
@@ -201,11 +201,11 @@ impl LinkHost for Watch<'_> {
         self.host.handle(now, action);
     }
 
-    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         self.host.supply(job, buffer)
     }
 
-    fn rewind(&mut self, job: u32) {
+    fn rewind(&mut self, job: JobId) {
         self.host.rewind(job);
     }
 

@@ -2,7 +2,7 @@
 
 use std::io::{self, Read, Seek};
 
-use softplug_abi::{Action, Failure, Instance, Micros};
+use softplug_abi::{Action, Failure, Instance, JobId, Micros, RequestId};
 use softplug_link::{LinkFault, LinkHost, Supply};
 
 use crate::budget::Budget;
@@ -80,7 +80,12 @@ impl<'a> Paper<'a> {
         both: &mut ClosedLoop<I, Willing>,
     ) -> Result<(), LinkFault<I::Fault>> {
         for request in std::mem::take(&mut self.requests) {
-            both.line.link.answer(both.now(), request, Err(Failure::NotSupported), self)?;
+            both.line.link.answer(
+                both.now(),
+                RequestId(request),
+                Err(Failure::NotSupported),
+                self,
+            )?;
             both.settle(self)?;
         }
         Ok(())
@@ -105,7 +110,7 @@ impl LinkHost for Paper<'_> {
                 self.drained += bytes.len() as u32;
                 self.answered += bytes.len() as u64;
             }
-            Action::Request { request, .. } => self.requests.push(*request),
+            Action::Request { request, .. } => self.requests.push(request.0),
             Action::Note { level, code, text } if self.keep == Keep::All => {
                 let (level, code, text) = (*level, *code, (*text).to_owned());
                 self.notes.push(Note { level, code, text });
@@ -131,7 +136,7 @@ impl LinkHost for Paper<'_> {
         }
     }
 
-    fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _job: JobId, buffer: &mut [u8]) -> Supply {
         if self.error.is_some() {
             return Supply::Later;
         }
@@ -148,7 +153,7 @@ impl LinkHost for Paper<'_> {
         }
     }
 
-    fn rewind(&mut self, _job: u32) {
+    fn rewind(&mut self, _job: JobId) {
         self.supplied = 0;
         if let Err(error) = self.program.rewind() {
             self.error = Some(error);

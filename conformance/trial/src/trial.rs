@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::io::{Read, Seek};
 
-use softplug_abi::{Instance, Micros};
+use softplug_abi::{Instance, JobId, Micros};
 use softplug_link::{Job, LinkFault, LinkOptions};
 
 use crate::budget::{Budget, Metered, MeteredFault};
@@ -87,7 +87,7 @@ where
         let instance = Metered::new(instance, &self.budget);
         let mut both = ClosedLoop::new(instance, options, depth as usize, partner);
         let (fields, check) = (records.to_vec(), manifest.needs.check_pass);
-        let job = Job { id: JOB, kind: job_kind, size: Some(size), fields, check };
+        let job = Job { id: JobId(JOB), kind: job_kind, size: Some(size), fields, check };
         let ran = (|| {
             both.line.link.open(Micros::ZERO, &mut paper)?;
             both.line.link.begin_job(Micros::ZERO, job, &mut paper)?;

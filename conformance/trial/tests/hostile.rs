@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{
-    Action, ActionWriter, Event, Failure, Instance, LineParameters, Micros, NoSpace, Output,
+    Action, ActionWriter, Event, Failure, Instance, JobId, LineParameters, Micros, NoSpace, Output,
 };
 use softplug_trial::{Budget, CheckResult, Checked, Fate, Setup, Trial, TrialError, WAITS};
 
@@ -96,7 +96,7 @@ fn asking(
         }
         Event::Timer { .. } => {
             let failure = Failure::NoAnswer;
-            actions.push(&Action::JobFailed { job: 1, failure, status: 0, sent: 0 })
+            actions.push(&Action::JobFailed { job: JobId(1), failure, status: 0, sent: 0 })
         }
         _ => Ok(()),
     }

@@ -25,8 +25,9 @@ use feed::Feed;
 use punch::Punch;
 use remote_buffer::RemoteBuffer;
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter, Unread,
+    Context, Converter, Failure, JobId, JobStart, LineErrorKind, LinkDownReason, MarkId, MarkState,
+    Micros, ModemLines, NoteLevel, Opening, Pass, RequestId, StateError, StateReader, StateWriter,
+    Unread,
 };
 use state::State;
 use tape::Setup;
@@ -172,7 +173,7 @@ impl Converter for FanucRs232 {
         }
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         self.kept.punch.mark(mark, state);
         if self.is_packets {
             self.kept.remote_buffer.mark(link, &self.settings, state);
@@ -208,7 +209,7 @@ impl Converter for FanucRs232 {
         }
     }
 
-    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+    fn job_data(&mut self, link: &mut Context<'_>, _job: JobId, bytes: &[u8]) {
         if self.kept.remote_buffer.state().is_some() {
             self.kept.remote_buffer.job_data(
                 link,
@@ -221,7 +222,7 @@ impl Converter for FanucRs232 {
         }
     }
 
-    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn job_end(&mut self, link: &mut Context<'_>, _job: JobId) {
         if self.kept.remote_buffer.state().is_some() {
             self.kept.remote_buffer.job_end(link, &self.settings, &mut self.kept.feed.encoder);
         } else {
@@ -229,16 +230,16 @@ impl Converter for FanucRs232 {
         }
     }
 
-    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn pause(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.set_paused(link, true);
     }
 
-    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn resume(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.set_paused(link, false);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
-        if job == 0 {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
+        if job == JobId(0) {
             self.kept.punch.abort(link, &self.settings);
         } else {
             self.kept.remote_buffer.fail(link, Failure::Aborted);
@@ -257,7 +258,7 @@ impl Converter for FanucRs232 {
     fn answer(
         &mut self,
         link: &mut Context<'_>,
-        _request: u32,
+        _request: RequestId,
         answer: Result<&[u8], Failure>,
         more: bool,
     ) {

@@ -4,7 +4,7 @@
 use crate::Settings;
 use crate::punch::Title;
 use crate::short::trimmed;
-use softplug_plugin::{Context, Failure, NoteLevel, Value, ValueWriter, Values};
+use softplug_plugin::{Context, Failure, NoteLevel, RequestId, Value, ValueWriter, Values};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// The most requests that may be unanswered.
@@ -43,7 +43,7 @@ impl Requests {
         }
         self.open += 1;
         self.last = self.last.wrapping_add(1).max(1);
-        link.request(self.last, 0, Values::new(fields.written()));
+        link.request(RequestId(self.last), 0, Values::new(fields.written()));
     }
 
     /// The host's answer: it sends the program by a job of its own, or will not.

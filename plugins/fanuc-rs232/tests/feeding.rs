@@ -3,7 +3,7 @@
 use fanuc_rs232::FanucRs232;
 use proptest::prelude::*;
 use softplug_plugin::bench::{Bench, BenchOptions, Observed};
-use softplug_plugin::{Failure, LineParameters, Micros};
+use softplug_plugin::{Failure, JobId, LineParameters, Micros};
 
 const DC1: u8 = 0x11;
 const DC3: u8 = 0x13;
@@ -156,7 +156,7 @@ proptest! {
         let sent = bytes.len() as u64;
         let ends = ends(&observed);
         prop_assert_eq!(ends.len(), 1);
-        prop_assert_eq!(&ends[0].1, &Observed::Done { job: 1, sent });
+        prop_assert_eq!(&ends[0].1, &Observed::Done { job: JobId(1), sent });
         let left = wire.last().map_or(0, |(at, _)| at + CHARACTER);
         let read = expected.len() - setup.trailer;
         prop_assert!(bytes.len() >= read && expected.starts_with(&bytes));
@@ -249,7 +249,7 @@ fn a_restart_with_the_longest_preamble_fits_the_smallest_room() {
         }
         assert_eq!(String::from_utf8(bench.sent()).unwrap(), expected, "room {room}");
         let sent = expected.len() as u64;
-        assert_eq!(ends(bench.observed())[0].1, Observed::Done { job: 1, sent });
+        assert_eq!(ends(bench.observed())[0].1, Observed::Done { job: JobId(1), sent });
     }
 }
 
@@ -270,7 +270,7 @@ fn the_largest_leader_and_trailer_fit_any_room() {
         let expected = [&nuls[..], b"%\n", program.as_bytes(), b"%", &nuls].concat();
         assert!(bench.sent() == expected, "room {room}");
         let sent = expected.len() as u64;
-        assert_eq!(ends(bench.observed())[0].1, Observed::Done { job: 1, sent });
+        assert_eq!(ends(bench.observed())[0].1, Observed::Done { job: JobId(1), sent });
     }
 }
 
@@ -288,14 +288,14 @@ fn an_abort_anywhere_drops_what_has_not_left_and_starts_nothing_else() {
         bench.send(b"O1\nG1X1\nM30");
         bench.receive(&[DC1]);
         bench.run_until(Micros(step * 500));
-        bench.host(|link, now, host| link.abort(now, 1, host));
+        bench.host(|link, now, host| link.abort(now, JobId(1), host));
         let second = bench.send(b"O2");
         bench.run_for_millis(50);
         let first = b"\0\0\0%\nO1\nG1X1\nM30\n%\0\0\0";
         let sent = bench.sent();
         assert!(first.starts_with(&sent));
         let failed = Observed::Failed {
-            job: 1,
+            job: JobId(1),
             failure: Failure::Aborted,
             status: 0,
             sent: sent.len() as u64,
@@ -304,7 +304,7 @@ fn an_abort_anywhere_drops_what_has_not_left_and_starts_nothing_else() {
         bench.receive(&[DC1]);
         bench.run_for_millis(50);
         assert_eq!(&bench.sent()[sent.len()..], b"\0\0\0%\nO2\n%\0\0\0");
-        let done = Observed::Done { job: second, sent: 12 };
+        let done = Observed::Done { job: JobId(second), sent: 12 };
         assert_eq!(ends(bench.observed())[1].1, done);
     }
 }

@@ -4,7 +4,7 @@
 use fanuc_rs232::FanucRs232;
 use proptest::prelude::*;
 use softplug_plugin::bench::{Bench, Observed};
-use softplug_plugin::{Failure, LineErrorKind, LinkDownReason, Micros, ModemLines};
+use softplug_plugin::{Failure, JobId, LineErrorKind, LinkDownReason, Micros, ModemLines};
 
 /// Room that is never short.
 const PLENTY: u32 = 1_000_000;
@@ -147,16 +147,16 @@ fn run(
             }
             Happening::Send(program) if !has_job => job = bench.send(&program),
             Happening::Abort(true) if has_job => {
-                bench.host(|link, now, host| link.abort(now, job, host));
+                bench.host(|link, now, host| link.abort(now, JobId(job), host));
             }
             Happening::Abort(false) => {
-                bench.host(|link, now, host| link.abort(now, 0, host));
+                bench.host(|link, now, host| link.abort(now, JobId(0), host));
             }
             Happening::Pause(true) if has_job => {
-                bench.host(|link, now, host| link.pause(now, job, host));
+                bench.host(|link, now, host| link.pause(now, JobId(job), host));
             }
             Happening::Pause(false) if has_job => {
-                bench.host(|link, now, host| link.resume(now, job, host));
+                bench.host(|link, now, host| link.resume(now, JobId(job), host));
             }
             Happening::ForceResume => {
                 bench.host(|link, now, host| link.force_resume(now, host));

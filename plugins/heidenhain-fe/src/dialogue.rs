@@ -96,7 +96,7 @@ impl HeidenhainFe {
         // Both fit: a header has at most 242 characters.
         let _ = fields.push_ascii(NAME, self.asked.as_slice());
         let _ = fields.push_ascii(KIND, &[kind]);
-        self.request = self.request.wrapping_add(1).max(1);
+        self.request = self.request.next();
         link.request(self.request, 0, Values::new(fields.written()));
         self.stage = Stage::Asking;
     }

@@ -20,8 +20,9 @@ use receiver::Receiver;
 use sender::Sender;
 use softplug_plugin::parts::{Answers, StateName, TimerName, Timers};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, State, Unread, Value, Values, parts, state_format, timers,
+    Context, Converter, Failure, JobId, JobStart, LineErrorKind, LinkDownReason, MarkId, MarkState,
+    Micros, NoteLevel, Opening, RequestId, State, Unread, Value, Values, parts, state_format,
+    timers,
 };
 use stage::Stage;
 
@@ -59,7 +60,7 @@ pub struct HeidenhainFe {
     sender: Sender,
     receiver: Receiver,
     /// The request that the host has not answered.
-    request: u32,
+    request: RequestId,
     /// The host takes deliveries: it has told of room for them.
     takes: bool,
     /// The name that the control asks for.
@@ -86,7 +87,7 @@ impl Converter for HeidenhainFe {
             answers: Answers::new(),
             sender: Sender::default(),
             receiver: Receiver::default(),
-            request: 0,
+            request: RequestId(0),
             takes: true,
             asked: Text::default(),
             name: StateName::new(),
@@ -176,7 +177,7 @@ impl Converter for HeidenhainFe {
         self.end_watch(link);
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         if self.sender.job.is_latest(mark) && state == MarkState::SurelyLeft {
             match self.stage {
                 Stage::Answer => {
@@ -214,7 +215,7 @@ impl Converter for HeidenhainFe {
         }
     }
 
-    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, _bytes: &[u8]) {
+    fn job_data(&mut self, link: &mut Context<'_>, _job: JobId, _bytes: &[u8]) {
         if self.sender.is_checking() {
             self.sender.check(link, &self.settings);
         } else {
@@ -222,7 +223,7 @@ impl Converter for HeidenhainFe {
         }
     }
 
-    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn job_end(&mut self, link: &mut Context<'_>, _job: JobId) {
         if self.sender.is_checking() {
             self.sender.checked(link);
         } else {
@@ -230,12 +231,12 @@ impl Converter for HeidenhainFe {
         }
     }
 
-    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn resume(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.go_on(link);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
-        if job == 0 {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
+        if job == JobId(0) {
             if self.stage.is_receiving() {
                 self.end_reception(link, Some(Failure::Aborted));
                 self.say(link, EOT);
@@ -259,7 +260,7 @@ impl Converter for HeidenhainFe {
     fn answer(
         &mut self,
         link: &mut Context<'_>,
-        request: u32,
+        request: RequestId,
         answer: Result<&[u8], Failure>,
         more: bool,
     ) {

@@ -2,11 +2,11 @@
 
 use crate::frame::Text;
 use crate::settings::{LineEnd, Settings};
-use softplug_plugin::{Context, Failure, State};
+use softplug_plugin::{Context, DeliveryId, Failure, JobId, State};
 
 #[derive(Copy, Clone, Debug, Default, State)]
 pub(crate) struct Receiver {
-    delivery: u32,
+    delivery: DeliveryId,
     /// How often the block under way has been refused.
     refusals: u32,
     /// ETX has come.
@@ -17,8 +17,8 @@ pub(crate) struct Receiver {
 
 impl Receiver {
     pub(crate) fn begin(&mut self, link: &mut Context<'_>, name: &[u8]) {
-        *self = Self { delivery: self.delivery.wrapping_add(1).max(1), ..Self::default() };
-        link.delivery_begin(self.delivery, 0);
+        *self = Self { delivery: self.delivery.next(), ..Self::default() };
+        link.delivery_begin(self.delivery, JobId(0));
         if !name.is_empty() {
             link.delivery_name_ascii(self.delivery, name);
         }

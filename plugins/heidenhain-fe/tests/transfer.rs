@@ -2,7 +2,7 @@
 
 use heidenhain_fe::HeidenhainFe;
 use softplug_plugin::bench::{Bench, BenchOptions, Observed, Taken};
-use softplug_plugin::{Failure, Micros, Value, ValueWriter};
+use softplug_plugin::{Failure, JobId, Micros, RequestId, Value, ValueWriter};
 
 const ACK: u8 = 0x06;
 const NAK: u8 = 0x15;
@@ -64,7 +64,7 @@ fn job_end(bench: &Bench<HeidenhainFe>) -> Option<(Option<Failure>, u64)> {
 }
 
 /// What the host was asked for last: name and kind.
-fn asked(bench: &Bench<HeidenhainFe>) -> Option<(u32, String)> {
+fn asked(bench: &Bench<HeidenhainFe>) -> Option<(RequestId, String)> {
     bench.observed().iter().rev().find_map(|(_, observed)| match observed {
         Observed::Request { request, fields, .. } => {
             let texts: Vec<_> = softplug_plugin::Values::new(fields)
@@ -318,12 +318,12 @@ fn the_control_holds_the_line() {
     let mut first = vec![ACK];
     first.extend(block("1 L X+10"));
     assert_eq!(ear.after(&mut bench, &[0x11]), first);
-    bench.host(|link, now, host| link.pause(now, 1, host));
+    bench.host(|link, now, host| link.pause(now, JobId(1), host));
     assert_eq!(ear.after(&mut bench, &[ACK]), SILENCE);
-    bench.host(|link, now, host| link.resume(now, 1, host));
+    bench.host(|link, now, host| link.resume(now, JobId(1), host));
     bench.run_for_millis(100);
     assert_eq!(ear.heard(&bench), block("2 L X+20"));
-    bench.host(|link, now, host| link.abort(now, 1, host));
+    bench.host(|link, now, host| link.abort(now, JobId(1), host));
     bench.run_for_millis(100);
     assert_eq!(ear.heard(&bench), [EOT]);
     assert_eq!(job_end(&bench), Some((Some(Failure::Aborted), 24)));

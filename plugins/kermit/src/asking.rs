@@ -24,7 +24,7 @@ impl Kermit {
         let mut fields = ValueWriter::new(&mut buffer);
         // It fits: a name has at most 94 characters.
         let _ = fields.push_ascii(0, name.get(..length).unwrap_or_default());
-        self.request = self.request.wrapping_add(1).max(1);
+        self.request = self.request.next();
         self.is_asking = true;
         link.request(self.request, 0, Values::new(fields.written()));
     }

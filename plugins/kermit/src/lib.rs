@@ -23,8 +23,8 @@ use receiver::Receiver;
 use sender::Sender;
 use softplug_plugin::parts::{Answers, StateName, TimerName, Timers};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, State, Unread, parts, state_format, timers,
+    Context, Converter, Failure, JobId, JobStart, LineErrorKind, LinkDownReason, MarkId, MarkState,
+    Micros, NoteLevel, Opening, RequestId, State, Unread, parts, state_format, timers,
 };
 use stage::Stage;
 use terms::Terms;
@@ -61,7 +61,7 @@ pub struct Kermit {
     sender: Sender,
     receiver: Receiver,
     /// The latest request, and whether the host has not answered it.
-    request: u32,
+    request: RequestId,
     is_asking: bool,
     /// The host takes deliveries: it has told of room for them.
     takes: bool,
@@ -88,9 +88,9 @@ impl Converter for Kermit {
             terms: Terms::usual(),
             timers: Timers::new(),
             answers: Answers::new(),
-            sender: Sender::new(0),
+            sender: Sender::new(MarkId(0)),
             receiver: Receiver::new(),
-            request: 0,
+            request: RequestId(0),
             is_asking: false,
             takes: true,
             is_narrow: false,
@@ -185,7 +185,7 @@ impl Converter for Kermit {
         }
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         if self.sender.left(mark, state)
             && state == MarkState::SurelyLeft
             && self.stage == Stage::Answer
@@ -216,27 +216,27 @@ impl Converter for Kermit {
         }
     }
 
-    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+    fn job_data(&mut self, link: &mut Context<'_>, _job: JobId, bytes: &[u8]) {
         self.sender.data(bytes, &self.settings);
         self.go_on(link);
     }
 
-    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn job_end(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.sender.data_ended();
         self.go_on(link);
     }
 
-    fn pause(&mut self, _link: &mut Context<'_>, _job: u32) {
+    fn pause(&mut self, _link: &mut Context<'_>, _job: JobId) {
         self.sender.is_paused = true;
     }
 
-    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn resume(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.sender.is_paused = false;
         self.go_on(link);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
-        if job == 0 {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
+        if job == JobId(0) {
             self.cancel_reception(link);
         } else {
             self.abort_job(link);
@@ -246,7 +246,7 @@ impl Converter for Kermit {
     fn answer(
         &mut self,
         link: &mut Context<'_>,
-        request: u32,
+        request: RequestId,
         answer: Result<&[u8], Failure>,
         more: bool,
     ) {

@@ -4,7 +4,7 @@ use crate::coding::Coding;
 use crate::packet::Reader;
 use crate::settings::{Mode, Settings};
 use crate::terms::Terms;
-use softplug_plugin::{Context, Failure, State, StateReader, StateWriter, copy};
+use softplug_plugin::{Context, DeliveryId, Failure, JobId, State, StateReader, StateWriter, copy};
 
 /// Bytes delivered at a time.
 const PIECE: usize = 128;
@@ -15,7 +15,7 @@ pub(crate) const TITLE: usize = 94;
 
 #[derive(Copy, Clone, Debug, State)]
 pub(crate) struct Receiver {
-    delivery: u32,
+    delivery: DeliveryId,
     /// How often in a row something was refused.
     refusals: u32,
     /// A delivery is under way.
@@ -39,7 +39,7 @@ pub(crate) struct Receiver {
 impl Receiver {
     pub(crate) const fn new() -> Self {
         Self {
-            delivery: 0,
+            delivery: DeliveryId(0),
             is_open: false,
             is_whole: false,
             expected: 0,
@@ -61,8 +61,8 @@ impl Receiver {
     pub(crate) fn begin(&mut self, link: &mut Context<'_>, name: &[u8]) {
         self.is_open = true;
         self.has_cr = false;
-        self.delivery = self.delivery.wrapping_add(1).max(1);
-        link.delivery_begin(self.delivery, 0);
+        self.delivery = self.delivery.next();
+        link.delivery_begin(self.delivery, JobId(0));
         if !name.is_empty() {
             link.delivery_name_ascii(self.delivery, name);
         }

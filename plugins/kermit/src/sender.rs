@@ -7,7 +7,8 @@ use crate::stage::Stage;
 use crate::terms::{Terms, offer};
 use softplug_plugin::parts::Block;
 use softplug_plugin::{
-    Context, Failure, JobStart, MarkState, State, StateReader, StateWriter, Value, copy,
+    Context, Failure, JobId, JobStart, MarkId, MarkState, State, StateReader, StateWriter, Value,
+    copy,
 };
 
 /// Characters of a name that can be sent.
@@ -57,7 +58,7 @@ impl State for Name {
 #[derive(Copy, Clone, Debug, State)]
 pub(crate) struct Sender {
     /// Id of the job; 0: none.
-    job: u32,
+    job: JobId,
     /// Why the job fails, once it is known how much of it has left.
     pub(crate) stopping: Option<Failure>,
     pub(crate) is_paused: bool,
@@ -82,15 +83,15 @@ pub(crate) struct Sender {
     pub(crate) repeats: u32,
     /// The mark behind what was given last. The one before stands ahead of its EOL: many receivers
     /// answer at the check.
-    mark: u32,
+    mark: MarkId,
     /// Characters queued for the job.
     queued: u64,
 }
 
 impl Sender {
-    pub(crate) const fn new(mark: u32) -> Self {
+    pub(crate) const fn new(mark: MarkId) -> Self {
         Self {
-            job: 0,
+            job: JobId(0),
             stopping: None,
             is_paused: false,
             is_interrupted: false,
@@ -121,7 +122,7 @@ impl Sender {
             && name.len() <= NAME
             && name.iter().all(|character| matches!(character, 0x20..=0x7E));
         let why = match job.kind {
-            _ if self.job != 0 => Failure::Busy,
+            _ if self.job != JobId(0) => Failure::Busy,
             0 if is_sound => {
                 *self = Self::new(self.mark);
                 self.job = job.job;
@@ -137,7 +138,7 @@ impl Sender {
 
     /// Whether there is a job to send.
     pub(crate) fn is_waiting(&self) -> bool {
-        self.job != 0 && self.stopping.is_none()
+        self.job != JobId(0) && self.stopping.is_none()
     }
 
     pub(crate) fn data(&mut self, bytes: &[u8], settings: &Settings) {
@@ -340,9 +341,9 @@ impl Sender {
             given += count;
             self.queued += count as u64;
             if given == check {
-                self.mark = self.mark.wrapping_add(2).max(2);
+                self.mark = MarkId(self.mark.0.wrapping_add(2).max(2));
                 self.has_left = false;
-                link.transmit_marked(self.mark - 1, &[]);
+                link.transmit_marked(MarkId(self.mark.0 - 1), &[]);
             }
         }
         self.given = given as u16;
@@ -355,9 +356,10 @@ impl Sender {
     }
 
     /// Whether the mark is the one behind what was given last.
-    pub(crate) fn left(&mut self, mark: u32, state: MarkState) -> bool {
+    pub(crate) fn left(&mut self, mark: MarkId, state: MarkState) -> bool {
         let is_left = state != MarkState::Dropped;
-        self.has_left |= is_left && (mark == self.mark || mark == self.mark.wrapping_sub(1));
+        self.has_left |=
+            is_left && (mark == self.mark || mark == MarkId(self.mark.0.wrapping_sub(1)));
         is_left && mark == self.mark
     }
 
@@ -387,9 +389,9 @@ impl Sender {
 
     /// The job has failed; but what the receiver has confirmed is done.
     pub(crate) fn fail(&mut self, link: &mut Context<'_>, failure: Failure) {
-        if self.job != 0 && self.is_confirmed() {
+        if self.job != JobId(0) && self.is_confirmed() {
             self.done(link);
-        } else if self.job != 0 {
+        } else if self.job != JobId(0) {
             link.job_failed(self.job, failure, 0, self.queued);
             *self = Self::new(self.mark);
         }

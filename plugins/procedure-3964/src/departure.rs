@@ -1,6 +1,6 @@
 //! When the last byte that we queued has left the wire.
 
-use softplug_plugin::{Context, MarkState, State};
+use softplug_plugin::{Context, MarkId, MarkState, State};
 
 /// Marks that may be outstanding: well below the 64 that a host allows. A
 /// partner that answers too early over and over could use them up.
@@ -23,7 +23,7 @@ enum Stage {
 #[derive(Clone, Debug, Default, State)]
 pub(crate) struct Departure {
     stage: Stage,
-    mark: u32,
+    mark: MarkId,
     outstanding: u8,
 }
 
@@ -57,7 +57,7 @@ impl Departure {
     /// Sets the mark, at the end of an event.
     pub(crate) fn set_mark(&mut self, link: &mut Context<'_>) {
         if self.stage == Stage::Wanted && self.outstanding < MOST_OUTSTANDING {
-            self.mark = self.mark.wrapping_add(1).max(1);
+            self.mark = self.mark.next();
             self.outstanding += 1;
             self.stage = Stage::Marked;
             link.transmit_marked(self.mark, &[]);
@@ -65,7 +65,7 @@ impl Departure {
     }
 
     /// News of a mark; `Some` if it concerns the byte that is watched.
-    pub(crate) fn reported(&mut self, mark: u32, state: MarkState) -> Option<MarkState> {
+    pub(crate) fn reported(&mut self, mark: MarkId, state: MarkState) -> Option<MarkState> {
         if state != MarkState::MaybeLeft {
             self.outstanding = self.outstanding.saturating_sub(1);
         }

@@ -2,7 +2,7 @@
 
 use crate::cause::{Cause, Kept};
 use softplug_plugin::parts::Block;
-use softplug_plugin::{Context, State};
+use softplug_plugin::{Context, JobId, State};
 
 /// Largest block in bytes, of data or of a telegram.
 pub(crate) const BLOCK: usize = 1_024;
@@ -29,7 +29,7 @@ pub(crate) enum Stage {
 #[derive(Debug, State)]
 pub(crate) struct Job {
     pub(crate) stage: Stage,
-    pub(crate) id: u32,
+    pub(crate) id: JobId,
     /// Place of its kind in the manifest.
     pub(crate) kind: u16,
     /// Bytes that left for it, or are about to.
@@ -46,7 +46,7 @@ impl Job {
     pub(crate) const fn none() -> Self {
         Self {
             stage: Stage::None,
-            id: 0,
+            id: JobId(0),
             kind: 0,
             sent: 0,
             ended: false,
@@ -57,7 +57,7 @@ impl Job {
     }
 
     /// Forgets the job before this one.
-    pub(crate) fn begin(&mut self, id: u32, kind: u16) {
+    pub(crate) fn begin(&mut self, id: JobId, kind: u16) {
         self.stage = Stage::Filling;
         self.id = id;
         self.kind = kind;
@@ -79,13 +79,13 @@ impl Job {
 
     pub(crate) fn done(&mut self, link: &mut Context<'_>) {
         self.stage = Stage::None;
-        link.job_done(self.id, self.sent);
+        link.job_done(JobId(self.id.0), self.sent);
     }
 
     #[inline(never)]
     pub(crate) fn failed(&mut self, link: &mut Context<'_>, cause: Cause) {
         self.stage = Stage::None;
         self.failing = Kept(None);
-        link.job_failed(self.id, cause.failure(), cause.status(), self.sent);
+        link.job_failed(JobId(self.id.0), cause.failure(), cause.status(), self.sent);
     }
 }

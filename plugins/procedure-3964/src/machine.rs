@@ -15,7 +15,8 @@ use crate::{Layer, Options, Priority};
 use rk512::{LARGEST_TELEGRAM, Rk512, timeout_at};
 use softplug_plugin::parts::{Block, TimerName, Timers};
 use softplug_plugin::{
-    Context, LineErrorKind, MarkState, Micros, NoteLevel, Opening, State, Unread, timers,
+    Context, DeliveryId, LineErrorKind, MarkId, MarkState, Micros, NoteLevel, Opening, State,
+    Unread, timers,
 };
 
 timers! {
@@ -92,7 +93,7 @@ pub(crate) struct Machine {
     /// We withdrew an STX of our own for this block.
     pub(crate) withdrew: bool,
     pub(crate) buffer_until: Micros,
-    pub(crate) last_delivery: u32,
+    pub(crate) last_delivery: DeliveryId,
     /// Characters of this block, as far as they are counted.
     pub(crate) heard: u8,
     /// Set again from the deadlines after each event.
@@ -133,7 +134,7 @@ impl Machine {
             withdrew: false,
             heard: 0,
             buffer_until: Micros::ZERO,
-            last_delivery: 0,
+            last_delivery: DeliveryId(0),
             timers: Timers::new(),
             unread: const { Unread::new() },
             named: Phase::Idle,
@@ -294,7 +295,7 @@ impl Machine {
         }
     }
 
-    pub(crate) fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    pub(crate) fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         match (self.phase, self.departure.reported(mark, state)) {
             (Phase::Sending, Some(MarkState::MaybeLeft)) => {
                 self.phase = Phase::AcknowledgementWait;

@@ -5,8 +5,8 @@ use crate::machine::Machine;
 use core::fmt::Debug;
 use core::marker::PhantomData;
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    Opening, RawValue, SettingSet, State, parts, state_format,
+    Context, Converter, Failure, JobId, JobStart, LineErrorKind, LinkDownReason, MarkId, MarkState,
+    Micros, Opening, RawValue, RequestId, SettingSet, State, parts, state_format,
 };
 
 /// What one plug-in of the family adds: its settings with their defaults, and its manifest.
@@ -88,7 +88,7 @@ impl<V: Variant> Converter for Procedure<V> {
         self.machine.timer(link, id);
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         self.machine.mark(link, mark, state);
     }
 
@@ -100,30 +100,30 @@ impl<V: Variant> Converter for Procedure<V> {
         self.machine.job_begin(link, &job);
     }
 
-    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+    fn job_data(&mut self, link: &mut Context<'_>, _job: JobId, bytes: &[u8]) {
         self.machine.job_data(link, bytes);
     }
 
-    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn job_end(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.machine.job_end(link);
     }
 
-    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn pause(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.machine.set_paused(link, true);
     }
 
-    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn resume(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.machine.set_paused(link, false);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         self.machine.abort(link, job);
     }
 
     fn answer(
         &mut self,
         link: &mut Context<'_>,
-        request: u32,
+        request: RequestId,
         answer: Result<&[u8], Failure>,
         more: bool,
     ) {

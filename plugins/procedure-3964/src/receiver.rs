@@ -5,7 +5,7 @@ use crate::frame::{DLE, NAK, STX, Step};
 use crate::machine::{LARGEST_DATA, Machine, NEVER, after};
 use crate::phase::Phase;
 use crate::{Layer, frame::Decoder};
-use softplug_plugin::Context;
+use softplug_plugin::{Context, DeliveryId, JobId};
 
 /// How often a free buffer is looked for, in ms.
 const BUFFER_POLL: i64 = 50;
@@ -166,15 +166,19 @@ impl Machine {
     }
 
     pub(crate) fn deliver(&mut self, link: &mut Context<'_>, cause: Option<Cause>) {
-        self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
+        self.last_delivery = self.last_delivery.next();
         let id = self.last_delivery;
-        link.delivery_begin(id, 0);
+        link.delivery_begin(DeliveryId(id.0), JobId(0));
         let room = link.delivery_room() as usize;
         let bytes = self.block.as_slice();
         let bytes = bytes.get(..bytes.len().min(room)).unwrap_or_default();
         if !bytes.is_empty() {
-            link.deliver(id, bytes);
+            link.deliver(DeliveryId(id.0), bytes);
         }
-        link.delivery_end(id, cause.map(Cause::failure), cause.map_or(0, Cause::status));
+        link.delivery_end(
+            DeliveryId(id.0),
+            cause.map(Cause::failure),
+            cause.map_or(0, Cause::status),
+        );
     }
 }

@@ -9,7 +9,9 @@ use crate::settings::{Settings, Underrun};
 use crate::stage::Stage;
 use crate::thread::Thread;
 use crate::{ECHO, TICK, codes, status};
-use softplug_plugin::{Context, Failure, MarkState, Micros, StateReader, StateWriter};
+use softplug_plugin::{
+    Context, Failure, JobId, MarkId, MarkState, Micros, StateReader, StateWriter,
+};
 
 /// Bytes that are queued at a time.
 const PIECE: usize = 256;
@@ -38,15 +40,15 @@ pub(crate) struct Lathe {
     pub(crate) program: Program,
     pub(crate) queued: Queued,
     pub(crate) stage: Stage,
-    pub(crate) job: u32,
+    pub(crate) job: JobId,
     /// Asked for and not yet given.
     pub(crate) wanted: u32,
     /// Bytes that the queue holds.
     capacity: u32,
     /// The mark that was set last, the last one that was told of, and the last one before the job.
-    pub(crate) mark: u32,
-    pub(crate) seen: u32,
-    pub(crate) mark_before: u32,
+    pub(crate) mark: MarkId,
+    pub(crate) seen: MarkId,
+    pub(crate) mark_before: MarkId,
     /// How many bytes of the job stand before each of the marks under way.
     before: [u64; MARKS],
     /// Bytes of the job that may have left.
@@ -98,12 +100,12 @@ impl Lathe {
             program: Program::new(settings.input),
             queued: Queued::new(),
             stage: Stage::Idle,
-            job: 0,
+            job: JobId(0),
             wanted: 0,
             capacity: 0,
-            mark: 0,
-            seen: 0,
-            mark_before: 0,
+            mark: MarkId(0),
+            seen: MarkId(0),
+            mark_before: MarkId(0),
             before: [0; MARKS],
             left: 0,
             queued_at: (Micros::ZERO, 0),
@@ -169,9 +171,9 @@ impl Lathe {
         if self.queued_at.0 != link.now() {
             self.queued_at = (link.now(), self.queued.count - bytes.len() as u64);
         }
-        if must_mark || self.mark.wrapping_sub(self.seen) < MARKS_OF_PIECES {
-            self.mark = self.mark.wrapping_add(1).max(1);
-            if let Some(before) = self.before.get_mut(self.mark as usize % MARKS) {
+        if must_mark || self.mark.0.wrapping_sub(self.seen.0) < MARKS_OF_PIECES {
+            self.mark = self.mark.next();
+            if let Some(before) = self.before.get_mut(self.mark.0 as usize % MARKS) {
                 *before = self.queued.count;
             }
             link.transmit_marked(self.mark, bytes);
@@ -181,8 +183,8 @@ impl Lathe {
     }
 
     /// How many bytes stand before a mark under way.
-    fn before(&self, mark: u32) -> u64 {
-        self.before.get(mark as usize % MARKS).copied().unwrap_or_default()
+    fn before(&self, mark: MarkId) -> u64 {
+        self.before.get(mark.0 as usize % MARKS).copied().unwrap_or_default()
     }
 
     /// Does what can be done now.
@@ -425,7 +427,7 @@ impl Lathe {
     }
 
     /// News of a marked byte: of the last one that was queued.
-    pub(crate) fn marked(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    pub(crate) fn marked(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         if state == MarkState::Dropped || mark <= self.mark_before || !self.stage.is_under_way() {
             return;
         }
@@ -566,7 +568,8 @@ impl Lathe {
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
         self.stage.save(state);
-        for value in [self.job, self.wanted, self.capacity, self.mark, self.dwell, self.underruns] {
+        let (job, mark) = (self.job.0, self.mark.0);
+        for value in [job, self.wanted, self.capacity, mark, self.dwell, self.underruns] {
             state.u32(value);
         }
         self.block.save(state);
@@ -577,8 +580,8 @@ impl Lathe {
         }
         self.thread.save(state);
         state.micros(self.until);
-        state.u32(self.seen);
-        state.u32(self.mark_before);
+        state.u32(self.seen.0);
+        state.u32(self.mark_before.0);
         for before in self.before {
             state.u64(before);
         }
@@ -601,10 +604,10 @@ impl Lathe {
 
     pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
         self.stage = Stage::restore(state);
-        self.job = state.u32();
+        self.job = JobId(state.u32());
         self.wanted = state.u32();
         self.capacity = state.u32();
-        self.mark = state.u32();
+        self.mark = MarkId(state.u32());
         self.dwell = state.u32();
         self.underruns = state.u32();
         self.block = Block::restore(state);
@@ -612,8 +615,8 @@ impl Lathe {
         self.cut = state.bool().then(|| Cut::restore(state));
         self.thread = Thread::restore(state);
         self.until = state.micros();
-        self.seen = state.u32();
-        self.mark_before = state.u32();
+        self.seen = MarkId(state.u32());
+        self.mark_before = MarkId(state.u32());
         self.before = [0; MARKS].map(|_: u64| state.u64());
         self.left = state.u64();
         self.speed = restore_option(state);

@@ -27,8 +27,8 @@ pub use thread::Thread;
 
 use lathe::Lathe;
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, StateError, StateReader, StateWriter,
+    Context, Converter, Failure, JobId, JobStart, LineErrorKind, LinkDownReason, MarkId, MarkState,
+    Micros, NoteLevel, Opening, StateError, StateReader, StateWriter,
 };
 
 /// Timer: the echo of S, T or M.
@@ -92,7 +92,7 @@ impl Converter for PulseLathe {
         self.name_state(link);
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         self.lathe.marked(link, mark, state);
         self.name_state(link);
     }
@@ -112,30 +112,30 @@ impl Converter for PulseLathe {
         self.name_state(link);
     }
 
-    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+    fn job_data(&mut self, link: &mut Context<'_>, _job: JobId, bytes: &[u8]) {
         self.lathe.data(link, bytes);
         self.name_state(link);
     }
 
-    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn job_end(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.lathe.data_ended(link);
         self.name_state(link);
     }
 
-    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn pause(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.lathe.is_paused = true;
         self.lathe.update_hold(link);
     }
 
-    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn resume(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.lathe.is_paused = false;
         self.lathe.go(link);
         self.name_state(link);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         // 0 is a delivery, of which there is none here.
-        if job != 0 {
+        if job != JobId(0) {
             self.lathe.stop(link, Failure::Aborted, 0);
         }
         self.name_state(link);

@@ -2,7 +2,7 @@
 
 use pulse_lathe::PulseLathe;
 use softplug_link::{Job, Link, LinkOptions, Observed, Recorder, Taken};
-use softplug_plugin::{Converter, LineParameters, Micros, Native};
+use softplug_plugin::{Converter, JobId, LineParameters, Micros, Native};
 
 const PERIOD: i64 = 250;
 
@@ -24,9 +24,9 @@ impl Late {
         let mut host = Recorder::default();
         let now = Micros::ZERO;
         link.open(now, &mut host).unwrap();
-        host.add_source(1, program.to_vec());
+        host.add_source(JobId(1), program.to_vec());
         let size = Some(program.len() as u64);
-        let job = Job { id: 1, kind: 0, size, fields: Vec::new(), check: true };
+        let job = Job { id: JobId(1), kind: 0, size, fields: Vec::new(), check: true };
         link.begin_job(now, job, &mut host).unwrap();
         link.run(now, &mut host).unwrap();
         Self { link, host, now, taken: 0 }

@@ -2,7 +2,7 @@
 
 use r3964::R3964;
 use softplug_plugin::bench::{Bench, Observed};
-use softplug_plugin::{LineParameters, Micros, Value, ValueWriter};
+use softplug_plugin::{JobId, LineParameters, Micros, Value, ValueWriter};
 
 const DLE: u8 = 0x10;
 /// One character at 10,000 baud 8N1.
@@ -35,7 +35,7 @@ fn a_block_leaves_whole_and_without_a_gap() {
 
             bench.receive(&[DLE]);
             let sent = 1 + rest.len() as u64;
-            let done = Observed::Done { job: 1, sent };
+            let done = Observed::Done { job: JobId(1), sent };
             assert!(bench.observed().iter().any(|(_, seen)| *seen == done), "room {room}");
         }
     }

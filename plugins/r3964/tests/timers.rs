@@ -2,7 +2,7 @@
 
 use r3964::R3964;
 use softplug_plugin::bench::{Bench, Delivery, Observed};
-use softplug_plugin::{Failure, Micros};
+use softplug_plugin::{Failure, JobId, Micros};
 
 /// One character at 9600 8N1, as the bench's line has it.
 const CHARACTER: Micros = Micros(1_042);
@@ -83,7 +83,7 @@ fn qvz_after_the_block() {
         bench.run_until(millis(10));
         bench.receive(b"\x10");
         receive_at(&mut bench, at, b"\x10");
-        let done = bench.observed().contains(&(at, Observed::Done { job: 1, sent: 5 }));
+        let done = bench.observed().contains(&(at, Observed::Done { job: JobId(1), sent: 5 }));
         assert_eq!(done, at <= end, "{at}");
         if at > end {
             assert_eq!(sent_since(&bench, millis(100)).first(), Some(&(end, 0x02)));

@@ -19,8 +19,8 @@ use receiver::Receiver;
 use sender::Sender;
 use softplug_plugin::parts::{Answers, StateName, TimerName, Timers};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, State, Unread, parts, state_format, timers,
+    Context, Converter, Failure, JobId, JobStart, LineErrorKind, LinkDownReason, MarkId, MarkState,
+    Micros, NoteLevel, Opening, State, Unread, parts, state_format, timers,
 };
 use stage::Stage;
 
@@ -75,7 +75,7 @@ impl Converter for Xmodem {
             stage: Stage::default(),
             timers: Timers::new(),
             answers: Answers::new(),
-            sender: Sender::new(0),
+            sender: Sender::new(MarkId(0)),
             receiver: Receiver::new(),
             takes: true,
             is_down: false,
@@ -182,7 +182,7 @@ impl Converter for Xmodem {
         }
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         if self.sender.left(mark, state)
             && state == MarkState::SurelyLeft
             && self.stage.is_sending()
@@ -224,27 +224,27 @@ impl Converter for Xmodem {
         }
     }
 
-    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+    fn job_data(&mut self, link: &mut Context<'_>, _job: JobId, bytes: &[u8]) {
         self.sender.data(bytes);
         self.go_on(link);
     }
 
-    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn job_end(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.sender.data_ended();
         self.go_on(link);
     }
 
-    fn pause(&mut self, _link: &mut Context<'_>, _job: u32) {
+    fn pause(&mut self, _link: &mut Context<'_>, _job: JobId) {
         self.sender.is_paused = true;
     }
 
-    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn resume(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.sender.is_paused = false;
         self.go_on(link);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
-        if job == 0 {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
+        if job == JobId(0) {
             self.cancel_reception(link);
         } else {
             self.abort_job(link);

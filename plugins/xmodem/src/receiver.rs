@@ -2,7 +2,7 @@
 
 use crate::block::{CALL, NAK, Reader};
 use crate::settings::{Mode, Padding, Settings};
-use softplug_plugin::{Context, Failure, State};
+use softplug_plugin::{Context, DeliveryId, Failure, JobId, State};
 
 /// So many calls with C come before one with NAK.
 const CALLS: u32 = 4;
@@ -15,7 +15,7 @@ const PIECE: usize = 64;
 #[state(check = Self::is_sound)]
 pub(crate) struct Receiver {
     pub(crate) reader: Reader,
-    delivery: u32,
+    delivery: DeliveryId,
     calls: u32,
     /// How often in a row something was refused.
     refusals: u32,
@@ -47,7 +47,7 @@ impl Receiver {
     pub(crate) const fn new() -> Self {
         Self {
             reader: Reader::new(),
-            delivery: 0,
+            delivery: DeliveryId(0),
             is_open: false,
             is_crc: false,
             calls: 0,
@@ -98,8 +98,8 @@ impl Receiver {
     pub(crate) fn begin(&mut self, link: &mut Context<'_>) {
         if !self.is_open {
             self.is_open = true;
-            self.delivery = self.delivery.wrapping_add(1).max(1);
-            link.delivery_begin(self.delivery, 0);
+            self.delivery = self.delivery.next();
+            link.delivery_begin(self.delivery, JobId(0));
         }
     }
 

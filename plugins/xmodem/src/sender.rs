@@ -3,7 +3,7 @@
 use crate::block::{CALL, Data, EOT, HEADER, LONG, NAK, SHORT, SOH, STX, check};
 use crate::settings::{Mode, Settings};
 use crate::stage::Stage;
-use softplug_plugin::{Context, Failure, JobStart, MarkState, State, copy};
+use softplug_plugin::{Context, Failure, JobId, JobStart, MarkId, MarkState, State, copy};
 
 /// A rest of so many bytes, or fewer, goes in short blocks.
 const SHORT_REST: usize = LONG - SHORT;
@@ -15,7 +15,7 @@ const PIECE: usize = 64;
 #[derive(Copy, Clone, Debug, State)]
 pub(crate) struct Sender {
     /// Id of the job; 0: none.
-    job: u32,
+    job: JobId,
     /// Why the job fails, once it is known how much of it has left.
     pub(crate) stopping: Option<Failure>,
     /// The host has aborted it; the block under way still leaves.
@@ -45,15 +45,15 @@ pub(crate) struct Sender {
     wanted: u32,
     pub(crate) repeats: u32,
     /// The mark of what was given last.
-    mark: u32,
+    mark: MarkId,
     /// Bytes queued for the job.
     queued: u64,
 }
 
 impl Sender {
-    pub(crate) const fn new(mark: u32) -> Self {
+    pub(crate) const fn new(mark: MarkId) -> Self {
         Self {
-            job: 0,
+            job: JobId(0),
             stopping: None,
             is_aborted: false,
             is_paused: false,
@@ -77,8 +77,8 @@ impl Sender {
 
     /// A job; one that cannot be taken fails at once.
     pub(crate) fn begin(&mut self, link: &mut Context<'_>, job: &JobStart<'_>) -> bool {
-        if self.job != 0 || job.kind != 0 {
-            let why = if self.job == 0 { Failure::NotSupported } else { Failure::Busy };
+        if self.job != JobId(0) || job.kind != 0 {
+            let why = if self.job == JobId(0) { Failure::NotSupported } else { Failure::Busy };
             link.job_failed(job.job, why, 0, 0);
             return false;
         }
@@ -89,7 +89,7 @@ impl Sender {
 
     /// Whether there is a job to send.
     pub(crate) fn is_waiting(&self) -> bool {
-        self.job != 0 && self.stopping.is_none()
+        self.job != JobId(0) && self.stopping.is_none()
     }
 
     /// The receiver calls, with C or NAK: whether we begin.
@@ -203,7 +203,7 @@ impl Sender {
         let is_whole = given == total;
         if is_whole {
             self.given = 0;
-            self.mark = self.mark.wrapping_add(1).max(1);
+            self.mark = self.mark.next();
             self.has_left = false;
             link.transmit_marked(self.mark, &[]);
         }
@@ -216,7 +216,7 @@ impl Sender {
     }
 
     /// Whether the mark is that of what was given last.
-    pub(crate) fn left(&mut self, mark: u32, state: MarkState) -> bool {
+    pub(crate) fn left(&mut self, mark: MarkId, state: MarkState) -> bool {
         let is_latest = mark == self.mark && state != MarkState::Dropped;
         self.has_left |= is_latest;
         is_latest
@@ -254,7 +254,7 @@ impl Sender {
     }
 
     pub(crate) fn fail(&mut self, link: &mut Context<'_>, failure: Failure) {
-        if self.job != 0 {
+        if self.job != JobId(0) {
             link.job_failed(self.job, failure, 0, self.queued);
             *self = Self::new(self.mark);
         }

@@ -1,7 +1,7 @@
 //! Transfers in both directions on a bench, with a partner whose blocks are made by hand.
 
 use softplug_plugin::bench::{Bench, BenchOptions, Observed};
-use softplug_plugin::{Failure, LineErrorKind};
+use softplug_plugin::{Failure, JobId, LineErrorKind};
 use xmodem::Xmodem;
 
 const SOH: u8 = 0x01;
@@ -239,7 +239,7 @@ fn a_block_waits_for_room() {
     bench.swap();
     bench.drain(73);
     assert_eq!(ear.after(&mut bench, &[], 100), [ACK]);
-    bench.host(|link, now, host| link.abort(now, 0, host));
+    bench.host(|link, now, host| link.abort(now, JobId(0), host));
     assert_eq!(received(&bench), [(vec![9; 128], Some(Failure::Aborted))]);
     assert_eq!(ear.after(&mut bench, &[], 900), SILENCE);
     assert_eq!(ear.after(&mut bench, &[], 200), [CAN; 8]);
@@ -349,7 +349,7 @@ fn an_abort_lets_the_block_become_whole() {
     let job = bench.send(&[b'a'; 300]);
     assert_eq!(ear.after(&mut bench, &[C], 100).len(), 97);
     bench.swap();
-    bench.host(|link, now, host| link.abort(now, job, host));
+    bench.host(|link, now, host| link.abort(now, JobId(job), host));
     let rest = [block(1, &[b'a'; 128])[97..].to_vec(), vec![CAN; 8]].concat();
     assert_eq!(ear.after(&mut bench, &[], 500), rest);
     assert_eq!(job_end(&bench), Some((Some(Failure::Aborted), 133)));

@@ -19,8 +19,8 @@ use receiver::{Receiver, Timer};
 use sender::Sender;
 use softplug_plugin::parts::TimerName;
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, State, parts, state_format,
+    Context, Converter, Failure, JobId, JobStart, LineErrorKind, LinkDownReason, MarkId, MarkState,
+    Micros, NoteLevel, Opening, State, parts, state_format,
 };
 use state::Name;
 
@@ -130,9 +130,9 @@ impl Converter for XonXoff {
         }
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         if state == MarkState::SurelyLeft {
-            if mark == receiver::OUR_CONTROL {
+            if mark == MarkId(receiver::OUR_CONTROL.0) {
                 self.receiver.left(link, &self.codes);
             } else {
                 self.sender.left(link, mark);
@@ -156,24 +156,24 @@ impl Converter for XonXoff {
         self.sender.begin(link, &self.settings, &job);
     }
 
-    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+    fn job_data(&mut self, link: &mut Context<'_>, _job: JobId, bytes: &[u8]) {
         self.sender.data(link, &self.settings, &self.codes, bytes);
     }
 
-    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn job_end(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.sender.data_ended(link, &self.settings);
     }
 
-    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn pause(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.sender.set_paused(link, true);
     }
 
-    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn resume(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.sender.set_paused(link, false);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
-        if job == 0 {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
+        if job == JobId(0) {
             self.receiver.abort(link, &self.codes);
         } else {
             self.sender.stop(link, Failure::Aborted);

@@ -5,7 +5,9 @@ use crate::lines::{Lines, Piece};
 use crate::state::Name;
 use crate::{LineEnd, OnLineError, Settings};
 use softplug_plugin::parts::Timers;
-use softplug_plugin::{Context, Failure, LineErrorKind, Micros, NoteLevel, State, timers};
+use softplug_plugin::{
+    Context, DeliveryId, Failure, JobId, LineErrorKind, MarkId, Micros, NoteLevel, State, timers,
+};
 
 timers! {
     /// What the receiver keeps time for.
@@ -18,7 +20,7 @@ timers! {
 }
 
 /// The mark of our control bytes; the sender counts its own up from 1.
-pub(crate) const OUR_CONTROL: u32 = u32::MAX;
+pub(crate) const OUR_CONTROL: MarkId = MarkId(u32::MAX);
 
 /// What we say to the partner.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
@@ -32,8 +34,8 @@ enum Said {
 #[derive(Clone, Debug, Default, State)]
 pub(crate) struct Receiver {
     /// Id of the delivery under way; 0: none.
-    delivery: u32,
-    last_delivery: u32,
+    delivery: DeliveryId,
+    last_delivery: DeliveryId,
     /// Why the delivery under way cannot end well.
     failure: Option<Failure>,
     escaped: bool,
@@ -66,7 +68,7 @@ pub(crate) struct Receiver {
 impl Receiver {
     pub(crate) fn state(&self) -> Name {
         match (self.delivery, self.stopped) {
-            (0, false) => Name::Idle,
+            (DeliveryId::NONE, false) => Name::Idle,
             (_, true) => Name::Stopped,
             (_, false) => Name::Receiving,
         }
@@ -132,7 +134,7 @@ impl Receiver {
         kind: LineErrorKind,
         byte: Option<u8>,
     ) {
-        if self.delivery == 0 && (kind == LineErrorKind::Break || byte.is_none()) {
+        if self.delivery == DeliveryId(0) && (kind == LineErrorKind::Break || byte.is_none()) {
             return;
         }
         self.begin(link);
@@ -204,7 +206,7 @@ impl Receiver {
         settings: &Settings,
         codes: &Codes,
     ) {
-        if self.xon_unanswered && self.delivery != 0 {
+        if self.xon_unanswered && self.delivery != DeliveryId(0) {
             self.say(link, codes);
             self.await_repeat(link, settings);
         }
@@ -217,11 +219,11 @@ impl Receiver {
 
     /// Ends the delivery under way; an earlier reason to fail goes first.
     pub(crate) fn end(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
-        if self.delivery == 0 {
+        if self.delivery == DeliveryId(0) {
             return;
         }
         link.delivery_end(self.delivery, self.failure.or(failure), 0);
-        self.delivery = 0;
+        self.delivery = DeliveryId(0);
         self.xon_unanswered = false;
         self.timers.set(link, Timer::Quiet, None);
         self.timers.set(link, Timer::RepeatXon, None);
@@ -243,21 +245,21 @@ impl Receiver {
 
     fn begin(&mut self, link: &mut Context<'_>) {
         self.heard = true;
-        if self.delivery == 0 {
+        if self.delivery == DeliveryId(0) {
             self.begin_delivery(link);
         }
     }
 
     #[cold]
     fn begin_delivery(&mut self, link: &mut Context<'_>) {
-        self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
-        self.delivery = self.last_delivery;
+        self.last_delivery = self.last_delivery.next();
+        self.delivery = DeliveryId(self.last_delivery.0);
         self.failure = None;
         self.escaped = false;
         self.lines = Lines::default();
         self.mark_progress = 0;
         self.marks_seen = 0;
-        link.delivery_begin(self.delivery, 0);
+        link.delivery_begin(self.delivery, JobId(0));
     }
 
     /// What finds no room is lost, and the delivery says so.
@@ -315,7 +317,7 @@ impl Receiver {
         }
         self.leaving = self.to_say();
         let byte = if self.stopped { codes.xoff } else { codes.xon };
-        link.transmit_urgent_marked(OUR_CONTROL, &[byte]);
+        link.transmit_urgent_marked(MarkId(OUR_CONTROL.0), &[byte]);
     }
 
     fn to_say(&self) -> Said {
@@ -335,14 +337,14 @@ impl Receiver {
     fn await_quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let span =
             if self.is_complete(settings) { settings.end_quiet } else { settings.quiet_time };
-        let is_timed = self.delivery != 0 && !self.stopped && span > 0;
+        let is_timed = self.delivery != DeliveryId(0) && !self.stopped && span > 0;
         let at = is_timed.then(|| link.now() + Micros::from_millis(span));
         self.timers.set(link, Timer::Quiet, at);
     }
 
     fn await_repeat(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let span = settings.xon_repeat;
-        let is_timed = self.delivery != 0 && span > 0;
+        let is_timed = self.delivery != DeliveryId(0) && span > 0;
         let at = is_timed.then(|| link.now() + Micros::from_millis(span));
         self.timers.set(link, Timer::RepeatXon, at);
     }

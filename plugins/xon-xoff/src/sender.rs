@@ -4,7 +4,7 @@ use crate::codes::Codes;
 use crate::lines::{Lines, Piece};
 use crate::state::Name;
 use crate::{ControlInData, HELD, LineEnd, Settings};
-use softplug_plugin::{Context, Failure, JobStart, Micros, Pass, State};
+use softplug_plugin::{Context, Failure, JobId, JobStart, MarkId, Micros, Pass, State};
 
 /// Data that may be under way to us: what it grows to fits the output buffer.
 const MOST_WANTED: u32 = 3_072;
@@ -31,7 +31,7 @@ pub(crate) struct Sender {
     stage: Stage,
     /// Why the job is being stopped.
     failure: Option<Failure>,
-    job: u32,
+    job: JobId,
     /// Asked for and not yet given.
     wanted: u32,
     /// Bytes queued for the job.
@@ -40,7 +40,7 @@ pub(crate) struct Sender {
     /// Place in the program, for the check.
     line: u32,
     column: u32,
-    mark: u32,
+    mark: MarkId,
     /// The partner has sent XOFF, and no XON since.
     held: bool,
     /// The first XON of the job has not come yet.
@@ -301,7 +301,7 @@ impl Sender {
             }
             Stage::Feeding => {
                 self.queue(link, settings.feed_end.as_slice());
-                self.mark = self.mark.wrapping_add(1).max(1);
+                self.mark = self.mark.next();
                 link.transmit_marked(self.mark, &[]);
                 self.stage = Stage::Draining;
             }
@@ -310,7 +310,7 @@ impl Sender {
     }
 
     /// A marked byte has left: the job's last one, or one of a job that was stopped.
-    pub(crate) fn left(&mut self, link: &mut Context<'_>, mark: u32) {
+    pub(crate) fn left(&mut self, link: &mut Context<'_>, mark: MarkId) {
         if self.stage == Stage::Draining && mark == self.mark {
             link.job_done(self.job, self.queued);
             self.finish(link);

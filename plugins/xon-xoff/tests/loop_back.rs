@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use softplug_plugin::bench::{Bench, Observed};
-use softplug_plugin::{LineParameters, Micros};
+use softplug_plugin::{JobId, LineParameters, Micros};
 use xon_xoff::XonXoff;
 
 /// A character at 10,000 baud 8N1, in µs: every event stands on this grid.
@@ -123,7 +123,7 @@ proptest! {
             program.push(b'%');
         }
         let (sender, receiver) = transfer(&setup, &program);
-        let done = |seen: &Observed| matches!(seen, Observed::Done { job: 1, .. });
+        let done = |seen: &Observed| matches!(seen, Observed::Done { job: JobId(1), .. });
         prop_assert!(sender.observed().iter().any(|(_, seen)| done(seen)), "not done");
         let delivered = receiver.deliveries();
         prop_assert_eq!(delivered.len(), 1);

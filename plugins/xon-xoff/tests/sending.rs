@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use softplug_plugin::bench::{Bench, BenchOptions, Observed};
-use softplug_plugin::{LineParameters, Micros};
+use softplug_plugin::{JobId, LineParameters, Micros};
 use xon_xoff::XonXoff;
 
 const XON: u8 = 0x11;
@@ -175,7 +175,7 @@ proptest! {
             observed.iter().filter(|(_, seen)| matches!(seen, Observed::Done { .. })).collect();
         prop_assert_eq!(done.len(), 1);
         let sent = bytes.len() as u64;
-        prop_assert_eq!(&done[0].1, &Observed::Done { job: 1, sent });
+        prop_assert_eq!(&done[0].1, &Observed::Done { job: JobId(1), sent });
         prop_assert!(bytes.is_empty() || done[0].0 == Micros(last));
 
         // After an XOFF only what the port holds, until the next XON.
@@ -213,10 +213,10 @@ fn a_job_is_done_when_its_own_last_byte_has_left() {
     // All of the first job is with the port when it is aborted.
     let mut bench = Bench::<XonXoff>::new().line(LineParameters::new(10_000)).depth(4).open();
     bench.send(b"ABCD");
-    bench.host(|link, now, host| link.abort(now, 1, host));
+    bench.host(|link, now, host| link.abort(now, JobId(1), host));
     bench.send(b"EFGH");
     bench.run_for_millis(100);
     assert_eq!(bench.sent(), b"ABCDEFGH");
     let done = bench.observed().iter().find(|(_, seen)| matches!(seen, Observed::Done { .. }));
-    assert_eq!(done, Some(&(Micros(8_000), Observed::Done { job: 2, sent: 4 })));
+    assert_eq!(done, Some(&(Micros(8_000), Observed::Done { job: JobId(2), sent: 4 })));
 }

@@ -1,7 +1,7 @@
 //! Settings that cannot work, the check pass, and how jobs end.
 
 use softplug_plugin::bench::{Bench, BenchError, Observed};
-use softplug_plugin::{Failure, Micros};
+use softplug_plugin::{Failure, JobId, Micros};
 use xon_xoff::XonXoff;
 
 /// Why the converter does not open with these settings.
@@ -67,7 +67,7 @@ fn checked(program: &[u8], settings: &[(&str, &str)]) -> (Vec<Observed>, Vec<u8>
 #[test]
 fn the_check_finds_the_place_before_anything_is_sent() {
     let result = |failure, line, column| {
-        vec![Observed::Checked { job: 1, failure, status: 0, line, column }]
+        vec![Observed::Checked { job: JobId(1), failure, status: 0, line, column }]
     };
     let bad = Some(Failure::UnsupportedCharacter);
     let places: [(&[u8], u32, u32); 5] = [
@@ -139,7 +139,7 @@ fn an_abort_leaves_nothing_stale() {
     bench.send(b"ABCDEFGH");
     bench.receive(b"\x13");
     bench.run_for_millis(10);
-    bench.host(|link, now, host| link.abort(now, 1, host));
+    bench.host(|link, now, host| link.abort(now, JobId(1), host));
     bench.send(b"xyz");
     bench.run_for_millis(10);
     let sent = bench.sent();
@@ -154,8 +154,9 @@ fn an_abort_leaves_nothing_stale() {
         .map(|(_, seen)| seen.clone())
         .collect();
     let count = sent.len() as u64;
-    let failed = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent: count };
-    assert_eq!(ends, [failed, Observed::Done { job: 2, sent: 3 }]);
+    let failed =
+        Observed::Failed { job: JobId(1), failure: Failure::Aborted, status: 0, sent: count };
+    assert_eq!(ends, [failed, Observed::Done { job: JobId(2), sent: 3 }]);
 }
 
 #[test]
@@ -166,10 +167,14 @@ fn a_hold_that_is_too_long_fails_the_job() {
     bench.receive(b"\x13");
     bench.run_for_millis(499);
     bench.receive(b"\x13");
-    assert_eq!(bench.link().job(), Some(1), "a repeated XOFF does not begin anew, nor end it");
+    assert_eq!(
+        bench.link().job(),
+        Some(JobId(1)),
+        "a repeated XOFF does not begin anew, nor end it"
+    );
     bench.run_for_millis(1);
     let sent = bench.sent().len() as u64;
     let failure = Failure::HeldTooLong;
-    let failed = Observed::Failed { job: 1, failure, status: 0, sent };
+    let failed = Observed::Failed { job: JobId(1), failure, status: 0, sent };
     assert!(bench.observed().contains(&(Micros::from_millis(510), failed)));
 }

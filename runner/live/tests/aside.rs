@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use load::{Fragile, Load};
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::{Manifest, SettingValues};
-use softplug_abi::{Event, Instance, Micros, Output};
+use softplug_abi::{Event, Instance, JobId, Micros, Output};
 use softplug_link::Job;
 use softplug_live::ReadOutcome;
 use softplug_live::endpoint::{EndpointSetup, ServerEndpoint};
@@ -173,7 +173,7 @@ fn a_link_whose_plugin_has_failed_goes_on_elsewhere_with_port_client_and_jobs() 
 
     // A job whose data comes late wakes the link there.
     let (mut writer, source) = reservoir(64, 0, 64);
-    let job = Job { id: 1, kind: 0, size: None, fields: Vec::new(), check: false };
+    let job = Job { id: JobId(1), kind: 0, size: None, fields: Vec::new(), check: false };
     load.reactor.tell(line.lane, Command::Begin(Feed { job, source }));
     load.until(line.lane, |figures| figures.job == 1);
     assert_eq!(writer.write(b"late"), 4);

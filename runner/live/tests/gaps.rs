@@ -6,7 +6,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{LineParameters, Micros};
+use softplug_abi::{JobId, LineParameters, Micros};
 use softplug_link::{Job, Recorder};
 use softplug_live::pty::PtyPair;
 use softplug_live::station::{Station, StationOptions};
@@ -38,9 +38,10 @@ impl Bench {
         let instance = NativePlugin::XonXoff.instantiate();
         let mut station = Station::new(port, instance, options).unwrap();
         let mut host = Recorder::default();
-        host.add_source(1, vec![b'x'; 4_000]);
+        host.add_source(JobId(1), vec![b'x'; 4_000]);
         station.open(&mut host).unwrap();
-        let job = Job { id: 1, kind: 0, size: Some(4_000), fields: Vec::new(), check: false };
+        let job =
+            Job { id: JobId(1), kind: 0, size: Some(4_000), fields: Vec::new(), check: false };
         station.begin_job(job, &mut host).unwrap();
         let mut bench = Self { station, host, machine };
         bench.work(20);

@@ -9,7 +9,7 @@ use std::thread;
 use std::time::Duration;
 
 use lanes::{Bench, program, read_exactly, write_all};
-use softplug_abi::{Failure, LinkDownReason, Micros};
+use softplug_abi::{Failure, JobId, LinkDownReason, Micros};
 use softplug_live::PortSpec;
 use softplug_live::pty::PtyPair;
 use softplug_live::reactor::{
@@ -26,10 +26,10 @@ fn a_job_reaches_the_machine_byte_by_byte() {
     let mut bench = Bench::start();
     let lane = bench.add_up(115_200);
     let program = program(4_000);
-    bench.send(lane, 7, &program);
+    bench.send(lane, JobId(7), &program);
     assert_eq!(bench.read_from_machine(lane, program.len()), program);
     let end = bench.end_of_job(lane);
-    assert_eq!((end.job, end.outcome), (7, JobOutcome::Done));
+    assert_eq!((end.job, end.outcome), (JobId(7), JobOutcome::Done));
     assert_eq!((end.taken, end.maybe_left), (4_000, 4_000));
     bench.until(lane, |figures| (figures.condition, figures.bytes_out) == (Condition::Up, 4_000));
 }
@@ -42,7 +42,7 @@ fn sixty_four_lanes_feed_at_once_on_more_than_one_thread_and_nothing_is_mixed_up
     let programs: Vec<_> = (0..64).map(|at| program(3_000 + at)).collect();
     for (lane, program) in lanes.iter().zip(&programs) {
         bench.wait_for(*lane, |report| matches!(report, Report::Up));
-        bench.send(*lane, 1, program);
+        bench.send(*lane, JobId(1), program);
     }
     for (lane, program) in lanes.iter().zip(&programs) {
         assert_eq!(bench.read_from_machine(*lane, program.len()), *program, "{lane}");
@@ -58,11 +58,11 @@ fn a_machine_that_never_reads_delays_no_other() {
     let stuck = bench.add_up(921_600);
     let lanes: Vec<_> = (0..8).map(|_| bench.add_up(921_600)).collect();
     // More than a pty holds.
-    bench.send(stuck, 1, &program(60_000));
+    bench.send(stuck, JobId(1), &program(60_000));
     bench.until(stuck, |figures| figures.bytes_out > 4_000 && figures.waiting > 0);
     let program = program(20_000);
     for lane in &lanes {
-        bench.send(*lane, 1, &program);
+        bench.send(*lane, JobId(1), &program);
     }
     for lane in &lanes {
         assert_eq!(bench.read_from_machine(*lane, program.len()), program);
@@ -154,7 +154,7 @@ fn a_port_that_is_unplugged_in_mid_job_comes_back_and_works() {
     });
     bench.wait_for(lane, |report| matches!(report, Report::Up));
     bench.machines.get_mut(&lane).unwrap().release_slave();
-    bench.send(lane, 1, &program(8_000));
+    bench.send(lane, JobId(1), &program(8_000));
     let first = bench.read_from_machine(lane, 100);
     assert_eq!(first, program(100));
     // Unplugged: the name is there no more, the far end neither.
@@ -170,7 +170,7 @@ fn a_port_that_is_unplugged_in_mid_job_comes_back_and_works() {
         |report: &Report| matches!(report, Report::Down { reason: LinkDownReason::Failed, .. });
     bench.wait_for(lane, retried);
     // A job that comes now is refused at once.
-    bench.send(lane, 2, b"N10\n");
+    bench.send(lane, JobId(2), b"N10\n");
     let outcome = bench.end_of_job(lane).outcome;
     assert_eq!(outcome, JobOutcome::Failed { failure: Failure::LinkDown, status: 0 });
     // And it is back.
@@ -178,7 +178,7 @@ fn a_port_that_is_unplugged_in_mid_job_comes_back_and_works() {
     std::os::unix::fs::symlink(machine.slave_path(), &name).unwrap();
     bench.machines.insert(lane, machine);
     bench.wait_for(lane, |report| matches!(report, Report::Up));
-    bench.send(lane, 3, &program(500));
+    bench.send(lane, JobId(3), &program(500));
     assert_eq!(bench.read_from_machine(lane, 500), program(500));
     assert_eq!(bench.end_of_job(lane).outcome, JobOutcome::Done);
     assert_eq!(bench.figures(lane).opened, 2);
@@ -261,7 +261,7 @@ fn watchdogs_bark_once_and_say_when_it_is_over() {
     write_all(&bench.machines[&lane], &[XOFF]);
     bench.wait_for(lane, alarm(AlarmKind::NoBytes, false));
     bench.wait_for(lane, alarm(AlarmKind::StuckHeld, true));
-    bench.send(lane, 1, &program(50));
+    bench.send(lane, JobId(1), &program(50));
     bench.wait_for(lane, alarm(AlarmKind::NoProgress, true));
     bench.until(lane, |figures| figures.alarms.len() == 3);
     write_all(&bench.machines[&lane], &[XON]);
@@ -282,7 +282,7 @@ fn whoever_watches_sees_both_ways_and_a_slow_one_costs_only_its_own_view() {
     write_all(&bench.machines[&lane], &[XOFF]);
     bench.until(lane, |figures| figures.is_held);
     write_all(&bench.machines[&lane], &[XON]);
-    bench.send(lane, 1, &program);
+    bench.send(lane, JobId(1), &program);
     assert_eq!(bench.read_from_machine(lane, program.len()), program);
     assert_eq!(bench.end_of_job(lane).outcome, JobOutcome::Done);
     bench.until(lane, |figures| figures.unseen > 0);
@@ -292,7 +292,7 @@ fn whoever_watches_sees_both_ways_and_a_slow_one_costs_only_its_own_view() {
     drop(seen);
     bench.until(lane, |figures| figures.job == 0);
     let unseen = bench.figures(lane).unseen;
-    bench.send(lane, 2, &program);
+    bench.send(lane, JobId(2), &program);
     assert_eq!(bench.read_from_machine(lane, program.len()), program);
     assert_eq!(bench.end_of_job(lane).outcome, JobOutcome::Done);
     assert_eq!(bench.figures(lane).unseen, unseen);
@@ -307,7 +307,7 @@ fn a_lane_that_is_closed_sends_its_last_bytes_and_one_that_is_removed_does_not()
     write_all(&bench.machines[&removed], &[XOFF]);
     bench.until(removed, |figures| figures.is_held);
     for lane in [closed, removed] {
-        bench.send(lane, 1, &program);
+        bench.send(lane, JobId(1), &program);
     }
     bench.until(removed, |figures| figures.job_taken == 100);
     let status = bench.reactor.status(closed).unwrap();

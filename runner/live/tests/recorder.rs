@@ -2,7 +2,7 @@
 //! kept shows the same fault again.
 
 use softplug_abi::manifest::{Manifest, SettingValues};
-use softplug_abi::{Event, Instance, LineParameters, Micros, Output};
+use softplug_abi::{Event, Instance, JobId, LineParameters, Micros, Output};
 use softplug_link::{Job, LinkFault, LinkOptions, Recorder, Rerun, Spare, Successor, VirtualLine};
 use softplug_live::recorder::{Recorded, Recording, checkpoint, recording};
 use softplug_native::{NativeInstance, NativePlugin};
@@ -63,8 +63,8 @@ fn flight(
     let mut line = VirtualLine::new(Recorded::new(fragile(), bytes), options, 4);
     let mut out = Recorder::default();
     line.link.open(Micros::ZERO, &mut out).unwrap();
-    out.add_source(1, vec![b'G'; 20_000]);
-    let job = Job { id: 1, kind: 0, size: None, fields: Vec::new(), check: false };
+    out.add_source(JobId(1), vec![b'G'; 20_000]);
+    let job = Job { id: JobId(1), kind: 0, size: None, fields: Vec::new(), check: false };
     line.link.begin_job(Micros(10), job, &mut out).unwrap();
     for round in 1..400_i64 {
         let now = Micros(round * 20_000);
@@ -119,7 +119,7 @@ fn a_long_flight_is_kept_from_a_checkpoint() {
     assert!(recording.is_whole());
     let head = 4 * 1_024;
     assert!((1_024..2 * 2_048 + head).contains(&size(&recording)), "{}", size(&recording));
-    assert_eq!(recording.under_way().job, Some((1, softplug_abi::Pass::Run)));
+    assert_eq!(recording.under_way().job, Some((JobId(1), softplug_abi::Pass::Run)));
     assert_eq!(again(&recording), fault.to_string());
 }
 
@@ -162,6 +162,6 @@ fn a_successor_is_kept_from_the_state_that_it_took_over() {
     });
     assert!(recording.is_whole());
     assert_eq!(recording.entries().next().unwrap().at, Micros(4_000_000));
-    assert_eq!(recording.under_way().job, Some((1, softplug_abi::Pass::Run)));
+    assert_eq!(recording.under_way().job, Some((JobId(1), softplug_abi::Pass::Run)));
     assert_eq!(again(&recording), fault.to_string());
 }

@@ -16,7 +16,7 @@ use std::time::Duration;
 use lanes::{Bench, program};
 use machine::{Machine, PATIENCE};
 use port::{device_options, rfc2217};
-use softplug_abi::{LineErrorKind, ModemLines};
+use softplug_abi::{JobId, LineErrorKind, ModemLines};
 use softplug_live::PortOptions;
 use softplug_live::device_server::{DeviceServer, Seen};
 use softplug_live::reactor::{JobOutcome, LaneId, Report};
@@ -78,7 +78,7 @@ fn a_server_whose_machine_holds_holds_the_job() {
     let lane = add(&mut bench, server.address(), device_options("921600"));
     bench.wait_for(lane, |report| matches!(report, Report::Up));
     let program = program(150_000);
-    bench.send(lane, 1, &program);
+    bench.send(lane, JobId(1), &program);
     machine.wait_until(|state| state.received.len() >= 300);
     // One is in the shift register.
     let (mut taken, mut same) = (0, 0);
@@ -104,7 +104,7 @@ fn a_server_that_wants_a_pause_pauses_the_job() {
     let lane = add(&mut bench, server.address(), device_options("115200"));
     bench.wait_for(lane, |report| matches!(report, Report::Up));
     let program = program(30_000);
-    bench.send(lane, 1, &program);
+    bench.send(lane, JobId(1), &program);
     machine.wait_until(|state| state.received.len() >= 300);
     server.suspend(true);
     let (mut taken, mut same) = (0, 0);
@@ -147,7 +147,7 @@ fn modem_lines_of_the_server_do_not_lose_the_link() {
     for on in [ModemLines::CTS, ModemLines::DSR, ModemLines::default()] {
         server.inject(Signal::ModemLines { lines: ModemLines(0x0F), on });
     }
-    bench.send(lane, 1, b"M30");
+    bench.send(lane, JobId(1), b"M30");
     assert_eq!(bench.end_of_job(lane).outcome, JobOutcome::Done);
     assert!(server.wait_until(PATIENCE, |seen| seen.contains(&Seen::Connected)));
     assert_eq!(bench.figures(lane).opened, 1);

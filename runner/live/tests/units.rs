@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use mio::net::TcpListener;
 use mio::{Events, Interest, Poll, Token};
-use softplug_abi::{Failure, LinkDownReason, Micros};
+use softplug_abi::{Failure, JobId, LinkDownReason, Micros};
 use softplug_link::Job;
 use softplug_live::clock::Clock;
 use softplug_live::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
@@ -164,7 +164,8 @@ impl Played {
         let (mut writer, source) = reservoir(4_096, 0, 4_096);
         writer.write(&[b'G'; 2_000]);
         writer.finish();
-        let job = Job { id: 1, kind: 0, size: Some(2_000), fields: Vec::new(), check: false };
+        let job =
+            Job { id: JobId(1), kind: 0, size: Some(2_000), fields: Vec::new(), check: false };
         self.units.as_ref().unwrap().tell(LANE, UnitCommand::Begin(Feed { job, source }));
         self.until(|report| match report {
             Report::JobEnded(end) => Some(end.clone()),

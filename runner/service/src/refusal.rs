@@ -1,5 +1,6 @@
 //! Why the gateway does not do what it was asked for, grouped by who can mend it.
 
+use softplug_abi::JobId;
 use thiserror::Error;
 
 /// A refusal, as one clear sentence.
@@ -40,7 +41,7 @@ impl Refusal {
     }
 
     /// There is no job of this number.
-    pub fn no_job(id: u32) -> Self {
+    pub fn no_job(id: JobId) -> Self {
         Self::NotFound(format!("there is no job {id}"))
     }
 

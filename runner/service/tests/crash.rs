@@ -2,6 +2,7 @@
 //! killed one is this test itself, started again as a child. `SOFTPLUG_CRASH_ROUNDS=N` kills
 //! it more often.
 
+use softplug_abi::{DeliveryId, JobId};
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -52,7 +53,7 @@ impl Shop {
     }
 
     /// What the machine got for a job.
-    fn line(&self, job: u32) -> PathBuf {
+    fn line(&self, job: JobId) -> PathBuf {
         self.folder.join("line").join(job.to_string())
     }
 }
@@ -130,7 +131,7 @@ fn work(folder: &Path) -> ! {
 }
 
 /// A machine that takes what comes, and never the same job twice.
-fn run(shop: &Shop, feeder: &Feeder, id: u32, data: Data) {
+fn run(shop: &Shop, feeder: &Feeder, id: JobId, data: Data) {
     shop.jobs.begin(id).unwrap();
     let (writer, mut reader) = reservoir(8_192, 2_048, 6_000);
     let pace = Pace { packet: 512, characters_a_second: None };
@@ -163,8 +164,15 @@ fn run(shop: &Shop, feeder: &Feeder, id: u32, data: Data) {
 fn receive(reception_writer: &ReceptionWriter, number: u64) {
     let (mut writer, reader) = reservoir(64 * 1_024, 0, 64 * 1_024);
     let (link, place) = ("lathe".to_owned(), "lathe".to_owned());
-    let (lane, delivery) = (LaneId(1), number as u32 | 1 << 31);
-    reception_writer.take(Incoming { lane, link, place, delivery, job: None, bytes: reader });
+    let (lane, delivery) = (LaneId(1), DeliveryId(number as u32 | 1 << 31));
+    reception_writer.take(Incoming {
+        lane,
+        link,
+        place,
+        delivery: delivery,
+        job: None,
+        bytes: reader,
+    });
     let bytes = program(number);
     for piece in bytes.chunks(1_000) {
         assert_eq!(writer.write(piece), piece.len());
@@ -224,7 +232,7 @@ fn check(folder: &Path, said: &[String]) -> (usize, usize) {
     let known: BTreeSet<_> = all.iter().map(|job| job.id).collect();
     for line in said {
         match line.split_once(' ') {
-            Some(("queued", id)) => assert!(known.contains(&id.parse().unwrap()), "{line}"),
+            Some(("queued", id)) => assert!(known.contains(&JobId(id.parse().unwrap())), "{line}"),
             Some(("uploaded", name)) => {
                 let mut bytes = Vec::new();
                 let (mut file, _) = shop.programs.download(&name.parse().unwrap()).unwrap();

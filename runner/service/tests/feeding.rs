@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use softplug_abi::Failure;
+use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_live::reactor::LaneId;
 use softplug_live::reservoir::{Drawn, ReservoirReader, reservoir};
 use softplug_service::feeder::{Feeder, Feeding, Pace, Stream};
@@ -39,7 +39,7 @@ impl Shop {
         let spec = JobSpec { from, ..JobSpec::send(link, "O1", data) };
         let id = self.jobs.submit(spec).unwrap().id;
         self.jobs.begin(id).unwrap();
-        (id, data)
+        (id.0, data)
     }
 
     fn reception_writer(&self) -> (ReceptionWriter, Receiver<ReceptionWriterNews>) {
@@ -85,7 +85,7 @@ fn feeding(
     to: softplug_live::reservoir::ReservoirWriter,
 ) -> Feeding {
     let pace = Pace { packet: 512, characters_a_second: None };
-    Feeding { job, data, from, gate: None, to, pace, is_check: false, status: None }
+    Feeding { job: JobId(job), data, from, gate: None, to, pace, is_check: false, status: None }
 }
 
 #[test]
@@ -107,7 +107,7 @@ fn every_byte_arrives_and_none_before_it_was_written_down() {
                 let (taken, end) = drain(reader, |count| {
                     looks += 1;
                     if looks % 16 == 1 {
-                        let extent = shop.jobs.reader().job(id).unwrap().extent;
+                        let extent = shop.jobs.reader().job(JobId(id)).unwrap().extent;
                         assert!(extent.maybe >= from + count, "{extent:?}, and {count} came");
                         assert!(extent.maybe <= from + count + 2 * 6_000, "{extent:?}: too much");
                     }
@@ -115,8 +115,8 @@ fn every_byte_arrives_and_none_before_it_was_written_down() {
                 assert_eq!(end, Drawn::End);
                 assert!(taken == program[from as usize..], "{link}");
                 assert!(figures.highest() <= 6_000, "over the high mark");
-                assert_eq!(shop.jobs.reader().job(id).unwrap().extent.maybe, size as u64);
-                feeder.forget(id);
+                assert_eq!(shop.jobs.reader().job(JobId(id)).unwrap().extent.maybe, size as u64);
+                feeder.forget(JobId(id));
             });
         }
     });
@@ -131,11 +131,11 @@ fn a_check_reads_all_and_grants_nothing_and_the_run_after_it_begins_anew() {
     let (writer, reader) = reservoir(8_192, 2_048, 6_000);
     feeder.feed(Feeding { is_check: true, ..feeding(id, data, 0, writer) });
     assert!(drain(reader, |_| ()) == (program.clone(), Drawn::End));
-    assert_eq!(shop.jobs.reader().job(id).unwrap().extent, Extent::default());
+    assert_eq!(shop.jobs.reader().job(JobId(id)).unwrap().extent, Extent::default());
     let (writer, reader) = reservoir(8_192, 2_048, 6_000);
     feeder.feed(feeding(id, data, 0, writer));
     assert!(drain(reader, |_| ()) == (program, Drawn::End));
-    assert_eq!(shop.jobs.reader().job(id).unwrap().extent.maybe, 30_000);
+    assert_eq!(shop.jobs.reader().job(JobId(id)).unwrap().extent.maybe, 30_000);
 }
 
 #[test]
@@ -151,9 +151,9 @@ fn a_machine_that_takes_nothing_gets_no_more_than_the_buffer_holds() {
     feeder.feed(feeding(other, data, 0, writer));
     assert_eq!(drain(busy, |_| ()).0.len(), 60_000);
     assert!((6_000 - 512..=6_000).contains(&reader.level()), "{}", reader.level());
-    let extent = shop.jobs.reader().job(held).unwrap().extent;
+    let extent = shop.jobs.reader().job(JobId(held)).unwrap().extent;
     assert!(extent.maybe <= 2 * 6_000, "{extent:?}");
-    feeder.forget(held);
+    feeder.forget(JobId(held));
     // What it was promised is not all, and it is told so.
     let (taken, end) = drain(reader, |_| ());
     assert!(end == Drawn::Failed && taken.len() <= 6_000);
@@ -226,7 +226,14 @@ fn receptions_are_put_away_named_and_compared() {
         let (mut writer, reader) = reservoir(64, 0, 64);
         let (link, place) = ("lathe".to_owned(), "from lathe".to_owned());
         let lane = LaneId(1);
-        reception_writer.take(Incoming { lane, link, place, delivery, job: None, bytes: reader });
+        reception_writer.take(Incoming {
+            lane,
+            link,
+            place,
+            delivery: DeliveryId(delivery),
+            job: None,
+            bytes: reader,
+        });
         let mut rest = bytes;
         while !rest.is_empty() {
             let count = writer.write(rest);
@@ -234,10 +241,10 @@ fn receptions_are_put_away_named_and_compared() {
             std::thread::yield_now();
         }
         if let Some(name) = name {
-            reception_writer.name(lane, delivery, name.to_owned());
+            reception_writer.name(lane, DeliveryId(delivery), name.to_owned());
         }
         writer.finish();
-        reception_writer.end(lane, delivery, failure, 0, bytes.len() as u64);
+        reception_writer.end(lane, DeliveryId(delivery), failure, 0, bytes.len() as u64);
         kept(&news)
     };
     let same = receive(1, sent, Some("O7"), None);
@@ -268,7 +275,7 @@ fn what_is_under_way_when_the_gateway_ends_is_kept_as_failed() {
         lane: LaneId(1),
         link,
         place,
-        delivery: 1,
+        delivery: DeliveryId(1),
         job: None,
         bytes: reader,
     });
@@ -292,7 +299,7 @@ fn while_the_disk_takes_nothing_nothing_is_read_and_nothing_is_lost() {
         lane: LaneId(1),
         link: "lathe".to_owned(),
         place: "lathe".to_owned(),
-        delivery: 1,
+        delivery: DeliveryId(1),
         job: None,
         bytes: reader,
     };
@@ -312,7 +319,7 @@ fn while_the_disk_takes_nothing_nothing_is_read_and_nothing_is_lost() {
         }
     }
     writer.finish();
-    reception_writer.end(LaneId(1), 1, None, 0, 64);
+    reception_writer.end(LaneId(1), DeliveryId(1), None, 0, 64);
     let job = kept(&news);
     assert_eq!((job.state, job.reception.unwrap().bytes), (State::Done, 64));
     assert_eq!(said.lock().unwrap().len(), 1);

@@ -2,6 +2,7 @@
 //! out that is not written down, it is said, and with room all goes on. The limit is the
 //! process's, so there is one test in this file.
 
+use softplug_abi::DeliveryId;
 use std::fs;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
@@ -48,7 +49,7 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
         lane: LaneId(1),
         link,
         place,
-        delivery: 1,
+        delivery: DeliveryId(1),
         job: None,
         bytes: reader,
     });
@@ -77,7 +78,7 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
         std::thread::yield_now();
     }
     writer.finish();
-    reception_writer.end(LaneId(1), 1, None, 0, given as u64);
+    reception_writer.end(LaneId(1), DeliveryId(1), None, 0, given as u64);
     let ReceptionWriterNews::Kept(job) = next(&news) else { panic!("it is kept") };
     assert_eq!(job.state, State::Done);
     let file = job.reception.unwrap().file.unwrap();
@@ -90,7 +91,7 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
         lane: LaneId(1),
         link,
         place,
-        delivery: 2,
+        delivery: DeliveryId(2),
         job: None,
         bytes: reader,
     });
@@ -102,7 +103,7 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     assert!(matches!(next(&news), ReceptionWriterNews::GoesOn { .. }));
     assert_eq!(writer.write(b"234\nM30\n"), 8);
     writer.finish();
-    reception_writer.end(LaneId(1), 2, None, 0, 10);
+    reception_writer.end(LaneId(1), DeliveryId(2), None, 0, 10);
     let ReceptionWriterNews::Kept(job) = next(&news) else { panic!("it is kept") };
     assert_eq!(job.reception.unwrap().file.as_deref(), Some("O1234"));
     let file = folder.path().join("receptions/lathe/O1234");

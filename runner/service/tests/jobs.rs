@@ -1,5 +1,6 @@
 //! Jobs: the queue, what is written down, and what a new start makes of it.
 
+use softplug_abi::JobId;
 use std::path::Path;
 
 use proptest::prelude::*;
@@ -16,7 +17,7 @@ fn open(folder: &Path) -> Jobs {
     Jobs::open(folder, Keep::default()).unwrap().0
 }
 
-fn send(jobs: &Jobs, link: &str, priority: i32) -> u32 {
+fn send(jobs: &Jobs, link: &str, priority: i32) -> JobId {
     jobs.submit(JobSpec { priority, ..JobSpec::send(link, "O1", DATA()) }).unwrap().id
 }
 
@@ -101,7 +102,7 @@ fn refusals_say_what_to_do() {
             .map(|job| job.id)
             .map_err(|error: softplug_service::jobs::JobsError| error.to_string())
     };
-    assert_eq!(refused(jobs.pause(7)), Err("there is no job 7".to_owned()));
+    assert_eq!(refused(jobs.pause(JobId(7))), Err("there is no job 7".to_owned()));
     assert_eq!(refused(jobs.resume(id)), Err("job 1 is queued: it cannot be resumed".to_owned()));
     assert_eq!(
         refused(jobs.end(id, Ending::Done, None)),
@@ -172,35 +173,35 @@ fn what_was_under_way_is_interrupted_by_a_new_start_and_never_begun_again() {
     let folder = tempfile::tempdir().unwrap();
     let jobs = open(folder.path());
     let ids: Vec<_> = (0..5).map(|_| send(&jobs, "lathe", 0)).collect();
-    let begun = |id: u32, link: &str| {
+    let begun = |id: JobId, link: &str| {
         // Each on a link of its own, so that all can be under way.
         let spec = JobSpec::send(link, "O1", DATA());
         assert_eq!(jobs.submit(spec).unwrap().id, id);
         jobs.begin(id).unwrap();
     };
-    begun(6, "a");
-    begun(7, "b");
-    begun(8, "c");
+    begun(JobId(6), "a");
+    begun(JobId(7), "b");
+    begun(JobId(8), "c");
     jobs.advance(&[
-        Advance { id: 6, grant: Some(400), surely: Some(100) },
-        Advance { id: 7, grant: Some(300), surely: None },
-        Advance { id: 99, grant: Some(300), surely: None },
+        Advance { id: JobId(6), grant: Some(400), surely: Some(100) },
+        Advance { id: JobId(7), grant: Some(300), surely: None },
+        Advance { id: JobId(99), grant: Some(300), surely: None },
     ])
     .unwrap();
-    jobs.advance(&[Advance { id: 6, grant: None, surely: Some(900) }]).unwrap();
-    jobs.pause(7).unwrap();
-    jobs.end(8, Ending::Done, None).unwrap();
+    jobs.advance(&[Advance { id: JobId(6), grant: None, surely: Some(900) }]).unwrap();
+    jobs.pause(JobId(7)).unwrap();
+    jobs.end(JobId(8), Ending::Done, None).unwrap();
     jobs.pause(ids[1]).unwrap();
     let receiving = jobs.receive("lathe").unwrap().id;
     drop(jobs);
 
     let (jobs, recovery) = Jobs::open(folder.path(), Keep::default()).unwrap();
     let interrupted: Vec<_> = recovery.interrupted.iter().map(|job| job.id).collect();
-    assert_eq!((interrupted, recovery.queued), (vec![6, 7, receiving], 4));
-    let job = jobs.reader().job(6).unwrap();
+    assert_eq!((interrupted, recovery.queued), (vec![JobId(6), JobId(7), receiving], 4));
+    let job = jobs.reader().job(JobId(6)).unwrap();
     assert_eq!((job.state, job.extent), (State::Interrupted, Extent { surely: 400, maybe: 400 }));
-    assert_eq!(jobs.reader().job(7).unwrap().extent, Extent { surely: 0, maybe: 300 });
-    assert_eq!(jobs.reader().job(8).unwrap().state, State::Done);
+    assert_eq!(jobs.reader().job(JobId(7)).unwrap().extent, Extent { surely: 0, maybe: 300 });
+    assert_eq!(jobs.reader().job(JobId(8)).unwrap().state, State::Done);
     assert_eq!(jobs.reader().job(ids[1]).unwrap().state, State::Paused);
     assert_eq!((jobs.next("a"), jobs.next("b")), (None, None));
     assert_eq!(jobs.next("lathe").unwrap().id, ids[0]);
@@ -208,7 +209,7 @@ fn what_was_under_way_is_interrupted_by_a_new_start_and_never_begun_again() {
         &"job 7 is interrupted: the gateway ended in the middle of it; nothing has surely left, up to 300 of 1,000 bytes may have".to_owned()
     ));
     // Numbers go on.
-    assert_eq!(send(&jobs, "lathe", 0), receiving + 1);
+    assert_eq!(send(&jobs, "lathe", 0), receiving.next());
     drop(jobs);
     assert_eq!(Jobs::open(folder.path(), Keep::default()).unwrap().1.interrupted, []);
 }
@@ -220,7 +221,7 @@ fn what_the_link_knows_narrows_what_was_granted_and_never_widens_it() {
     let end = |link: &str, granted, left| {
         let id = send(&jobs, link, 0);
         jobs.begin(id).unwrap();
-        jobs.advance(&[Advance { id, grant: Some(granted), surely: Some(100) }]).unwrap();
+        jobs.advance(&[Advance { id: id, grant: Some(granted), surely: Some(100) }]).unwrap();
         let reason = Reason::new("link-down", "the port is gone");
         jobs.end(id, Ending::Failed(reason), Some(Left { extent: left, taken: 7, sent: 8 }))
             .unwrap()
@@ -336,7 +337,7 @@ fn lists_and_the_journal_are_bounded_and_can_be_filtered() {
     let filter =
         JobFilter { link: Some("lathe".into()), before: Some(40), most: 3, ..JobFilter::default() };
     let ids: Vec<_> = jobs.reader().list(&filter).unwrap().iter().map(|job| job.id).collect();
-    assert_eq!(ids, [39, 38, 37]);
+    assert_eq!(ids, [39, 38, 37].map(JobId));
 
     jobs.note(Note::new(Subject::Fault, "it trapped").of_link("mill").weighing(Weight::Alarm))
         .unwrap();
@@ -367,16 +368,16 @@ fn lists_and_the_journal_are_bounded_and_can_be_filtered() {
 enum Deed {
     Submit(i32),
     Begin,
-    Pause(u32),
-    Resume(u32),
-    Abort(u32),
-    End(u32, bool),
-    Grant(u32, u64),
+    Pause(JobId),
+    Resume(JobId),
+    Abort(JobId),
+    End(JobId, bool),
+    Grant(JobId, u64),
     Restart,
 }
 
 fn deed() -> impl Strategy<Value = Deed> {
-    let id = 1..12_u32;
+    let id = (1..12_u32).prop_map(JobId);
     prop_oneof![
         (-3..3_i32).prop_map(Deed::Submit),
         Just(Deed::Begin),
@@ -415,7 +416,7 @@ proptest! {
                 Deed::End(id, true) => drop(jobs.end(id, Ending::Done, None)),
                 Deed::End(id, false) => drop(jobs.end(id, Ending::Aborted, None)),
                 Deed::Grant(id, to) => {
-                    jobs.advance(&[Advance { id, grant: Some(to), surely: None }]).unwrap();
+                    jobs.advance(&[Advance { id: id, grant: Some(to), surely: None }]).unwrap();
                 }
                 Deed::Restart => {
                     let before = jobs.live();

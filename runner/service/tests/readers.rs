@@ -1,6 +1,7 @@
 //! Who reads what is known of jobs and who changes it keep out of each other's way: neither waits
 //! while the other stands still in the middle of the disk.
 
+use softplug_abi::JobId;
 use std::io;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex};
@@ -120,7 +121,7 @@ fn order(link: &str) -> JobSpec {
     JobSpec::send(link, "O1", Data { digest: Digest::of(b"G1"), size: 100_000 })
 }
 
-fn with_jobs(gate: &Gate) -> (Jobs, u32) {
+fn with_jobs(gate: &Gate) -> (Jobs, JobId) {
     let jobs = open(gate);
     for _ in 0..200 {
         let id = jobs.submit(order("mill")).unwrap().id;
@@ -154,7 +155,7 @@ fn whoever_reads_is_answered_while_a_change_stands_still_on_the_disk() {
         let count = reader.journal(&journal).unwrap().len();
         (reader.list(&filter).unwrap().len(), page, reader.job(id).unwrap().state, count)
     });
-    let expected = (201, (93..100).rev().collect(), State::Running, 10);
+    let expected = (201, (93..100).rev().map(JobId).collect(), State::Running, 10);
     assert_eq!(in_time(&read, "a list"), expected);
     // So does whoever only looks at what is under way.
     let looker = jobs.clone();
@@ -180,7 +181,7 @@ fn feeding_goes_on_while_whoever_reads_stands_still_on_the_disk() {
         let mut spans = Vec::new();
         for to in 1..=100 {
             let at = Instant::now();
-            feeder.advance(&[Advance { id, grant: Some(to * 1_000), surely: None }]).unwrap();
+            feeder.advance(&[Advance { id: id, grant: Some(to * 1_000), surely: None }]).unwrap();
             spans.push(at.elapsed());
         }
         feeder.end(id, Ending::Done, None).unwrap();
@@ -188,7 +189,7 @@ fn feeding_goes_on_while_whoever_reads_stands_still_on_the_disk() {
         println!("a grant: p50 {:?}, p99 {:?}", spans[50], spans[98]);
         feeder.submit(order("lathe")).unwrap().id
     });
-    assert_eq!(in_time(&fed, "feeding"), id + 1);
+    assert_eq!(in_time(&fed, "feeding"), id.next());
     gate.shut(|shut| shut.reads = false);
     // The state that it began with, whatever was written since.
     assert_eq!(in_time(&listed, "the list").unwrap(), 201);

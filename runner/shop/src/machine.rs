@@ -1,6 +1,6 @@
 //! A unit with its plug-in, the line, and the control at its other end.
 
-use softplug_abi::{Action, Failure, Instance, LineParameters, Micros};
+use softplug_abi::{Action, Failure, Instance, JobId, LineParameters, Micros};
 use softplug_link::{Job, LinkFault, LinkHost, LinkOptions, Supply};
 use softplug_machines::kept::Keep;
 use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
@@ -80,7 +80,7 @@ impl<I: Instance> Machine<I> {
 
     fn open(&mut self) -> Result<(), LinkFault<I::Fault>> {
         let now = Micros::ZERO;
-        let job = Job { id: JOB, kind: 0, size: None, fields: Vec::new(), check: false };
+        let job = Job { id: JobId(JOB), kind: 0, size: None, fields: Vec::new(), check: false };
         self.both.line.link.open(now, &mut self.data)?;
         self.both.line.link.begin_job(now, job, &mut self.data)?;
         self.both.settle(&mut self.data)
@@ -209,7 +209,7 @@ impl LinkHost for Data {
         }
     }
 
-    fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _job: JobId, buffer: &mut [u8]) -> Supply {
         let count = self.level.min(buffer.len() as u64);
         if count == 0 {
             return Supply::Later;

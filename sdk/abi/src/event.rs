@@ -4,7 +4,7 @@ use crate::code::codes;
 use crate::limits::{STATE_BYTES, TIMERS};
 use crate::value::Values;
 use crate::wire::{MalformedReason, NoSpace, Reader, Writer, copy_quick};
-use crate::{Failure, LineParameters, Micros, ModemLines, Parity};
+use crate::{Failure, JobId, LineParameters, MarkId, Micros, ModemLines, Parity, RequestId};
 
 codes! {
     /// The kinds of event, as given to `softplug_v1_step`.
@@ -150,7 +150,7 @@ pub enum Event<'a> {
     /// News of a marked byte.
     Mark {
         /// As given with the transmit, never 0.
-        mark: u32,
+        mark: MarkId,
         /// What became of it.
         state: MarkState,
     },
@@ -172,7 +172,7 @@ pub enum Event<'a> {
     /// A job begins.
     JobBegin {
         /// The job's id, never 0.
-        job: u32,
+        job: JobId,
         /// Place of the job's kind in the manifest.
         kind: u16,
         /// Check or run.
@@ -185,36 +185,36 @@ pub enum Event<'a> {
     /// Data of the job, at most as much as was asked for.
     JobData {
         /// The job's id.
-        job: u32,
+        job: JobId,
         /// At least one byte.
         bytes: &'a [u8],
     },
     /// All data of the job was given.
     JobEnd {
         /// The job's id.
-        job: u32,
+        job: JobId,
     },
     /// Pause the job where the protocol allows it.
     Pause {
         /// The job's id.
-        job: u32,
+        job: JobId,
     },
     /// Go on with the job.
     Resume {
         /// The job's id.
-        job: u32,
+        job: JobId,
     },
     /// Abort the job; 0: the delivery under way.
     Abort {
         /// The job's id, or 0.
-        job: u32,
+        job: JobId,
     },
     /// Go on although the partner holds the line.
     ForceResume,
     /// The answer to a request.
     Answer {
         /// The request's id.
-        request: u32,
+        request: RequestId,
         /// `None`: granted. Otherwise why it was refused.
         refused: Option<Failure>,
         /// More pieces of this answer follow.
@@ -322,13 +322,13 @@ impl<'a> Event<'a> {
                 w.i64(deadline.0);
             }
             Self::Mark { mark, state } => {
-                w.u32(*mark);
+                w.u32(mark.0);
                 w.u8(state.code());
             }
             Self::TransmitRoom { grown } | Self::DeliveryRoom { grown } => w.u32(*grown),
             Self::Discarded { bytes } => w.u32(*bytes),
             Self::JobBegin { job, kind, pass, size, fields } => {
-                w.u32(*job);
+                w.u32(job.0);
                 w.u16(*kind);
                 w.u8(u8::from(*pass == Pass::Check));
                 w.u8(u8::from(size.is_some()));
@@ -336,15 +336,15 @@ impl<'a> Event<'a> {
                 w.bytes(fields.as_bytes());
             }
             Self::JobData { job, bytes } => {
-                w.u32(*job);
+                w.u32(job.0);
                 w.bytes(bytes);
             }
             Self::JobEnd { job }
             | Self::Pause { job }
             | Self::Resume { job }
-            | Self::Abort { job } => w.u32(*job),
+            | Self::Abort { job } => w.u32(job.0),
             Self::Answer { request, refused, more, bytes } => {
-                w.u32(*request);
+                w.u32(request.0);
                 w.u16(refused.map_or(0, Failure::code));
                 w.u8(u8::from(*more));
                 w.u8(0);
@@ -432,14 +432,14 @@ impl<'a> Event<'a> {
             EventKind::LinkUp => give!(Self::LinkUp),
             EventKind::Timer => give!(Self::Timer { id: timer_id(r), deadline: Micros(r.i64()) }),
             EventKind::Mark => {
-                let (mark, state) = (r.non_zero("mark"), MarkState::from_code(r.u8()));
+                let (mark, state) = (MarkId(r.non_zero("mark")), MarkState::from_code(r.u8()));
                 give!(Self::Mark { mark, state: r.known("state", state, MarkState::Dropped) });
             }
             EventKind::TransmitRoom => give!(Self::TransmitRoom { grown: r.u32() }),
             EventKind::Discarded => give!(Self::Discarded { bytes: r.u32() }),
             EventKind::DeliveryRoom => give!(Self::DeliveryRoom { grown: r.u32() }),
             EventKind::JobBegin => {
-                let (job, kind) = (r.non_zero("job"), r.u16());
+                let (job, kind) = (JobId(r.non_zero("job")), r.u16());
                 let pass = if r.flag() { Pass::Check } else { Pass::Run };
                 let (has_size, size) = (r.flag(), r.u64());
                 r.require("size", has_size || size == 0);
@@ -447,15 +447,15 @@ impl<'a> Event<'a> {
                 give!(Self::JobBegin { job, kind, pass, size: has_size.then_some(size), fields });
             }
             EventKind::JobData => {
-                give!(Self::JobData { job: r.non_zero("job"), bytes: r.rest_not_empty() });
+                give!(Self::JobData { job: JobId(r.non_zero("job")), bytes: r.rest_not_empty() });
             }
-            EventKind::JobEnd => give!(Self::JobEnd { job: r.non_zero("job") }),
-            EventKind::Pause => give!(Self::Pause { job: r.non_zero("job") }),
-            EventKind::Resume => give!(Self::Resume { job: r.non_zero("job") }),
-            EventKind::Abort => give!(Self::Abort { job: r.u32() }),
+            EventKind::JobEnd => give!(Self::JobEnd { job: JobId(r.non_zero("job")) }),
+            EventKind::Pause => give!(Self::Pause { job: JobId(r.non_zero("job")) }),
+            EventKind::Resume => give!(Self::Resume { job: JobId(r.non_zero("job")) }),
+            EventKind::Abort => give!(Self::Abort { job: JobId(r.u32()) }),
             EventKind::ForceResume => give!(Self::ForceResume),
             EventKind::Answer => {
-                let (request, refused) = (r.non_zero("request"), failure(r, "refused"));
+                let (request, refused) = (RequestId(r.non_zero("request")), failure(r, "refused"));
                 let more = r.flag();
                 r.zeros(1);
                 give!(Self::Answer { request, refused, more, bytes: r.rest() });

@@ -7,8 +7,8 @@ use common::golden;
 use proptest::prelude::*;
 use softplug_abi::MalformedReason::{NotUtf8, OutOfRange, TrailingBytes, Truncated, UnknownKind};
 use softplug_abi::{
-    Action, ActionWriter, Actions, Event, EventKind, Malformed, MalformedReason, Micros, NoSpace,
-    Value, ValueWriter, Values, limits,
+    Action, ActionWriter, Actions, DeliveryId, Event, EventKind, Malformed, MalformedReason,
+    MarkId, Micros, NoSpace, Value, ValueWriter, Values, limits,
 };
 
 fn kinds() -> impl Strategy<Value = EventKind> {
@@ -120,9 +120,9 @@ proptest! {
         delivered in any::<bool>(),
     ) {
         let action = |bytes| if delivered {
-            Action::Deliver { delivery: 3, bytes }
+            Action::Deliver { delivery: DeliveryId(3), bytes }
         } else {
-            Action::Transmit { mark: 0, bytes }
+            Action::Transmit { mark: MarkId(0), bytes }
         };
         let (mut whole, mut cut) = ([0; 400], [0; 400]);
         let mut writer = ActionWriter::new(&mut whole);
@@ -166,7 +166,9 @@ fn joined(actions: &[Action<'_>]) -> Vec<(String, Vec<u8>)> {
     let mut all: Vec<(String, Vec<u8>)> = Vec::new();
     for action in actions {
         let (what, bytes) = match action {
-            Action::Transmit { mark: 0, bytes } => ("transmit".to_string(), bytes.to_vec()),
+            Action::Transmit { mark: MarkId::NONE, bytes } => {
+                ("transmit".to_string(), bytes.to_vec())
+            }
             Action::Deliver { delivery, bytes } => (format!("deliver {delivery}"), bytes.to_vec()),
             other => (format!("{other:?}"), Vec::new()),
         };
@@ -181,20 +183,26 @@ fn joined(actions: &[Action<'_>]) -> Vec<(String, Vec<u8>)> {
 #[test]
 fn neighbours_stay_apart_where_it_matters() {
     let cases: [&[Action<'_>]; 5] = [
-        &[Action::Transmit { mark: 7, bytes: b"a" }, Action::Transmit { mark: 0, bytes: b"b" }],
-        &[Action::Transmit { mark: 0, bytes: b"a" }, Action::Transmit { mark: 7, bytes: b"b" }],
         &[
-            Action::Transmit { mark: 0, bytes: b"a" },
+            Action::Transmit { mark: MarkId(7), bytes: b"a" },
+            Action::Transmit { mark: MarkId(0), bytes: b"b" },
+        ],
+        &[
+            Action::Transmit { mark: MarkId(0), bytes: b"a" },
+            Action::Transmit { mark: MarkId(7), bytes: b"b" },
+        ],
+        &[
+            Action::Transmit { mark: MarkId(0), bytes: b"a" },
             Action::Hold,
-            Action::Transmit { mark: 0, bytes: b"b" },
+            Action::Transmit { mark: MarkId(0), bytes: b"b" },
         ],
         &[
-            Action::Deliver { delivery: 1, bytes: b"a" },
-            Action::Deliver { delivery: 2, bytes: b"b" },
+            Action::Deliver { delivery: DeliveryId(1), bytes: b"a" },
+            Action::Deliver { delivery: DeliveryId(2), bytes: b"b" },
         ],
         &[
-            Action::TransmitUrgent { mark: 0, bytes: b"a" },
-            Action::TransmitUrgent { mark: 0, bytes: b"b" },
+            Action::TransmitUrgent { mark: MarkId(0), bytes: b"a" },
+            Action::TransmitUrgent { mark: MarkId(0), bytes: b"b" },
         ],
     ];
     for actions in cases {
@@ -213,12 +221,14 @@ fn a_record_ends_at_its_greatest_length() {
     let mut writer = ActionWriter::new(&mut buffer);
     let most = vec![b'x'; limits::RECORD_BYTES - 4];
     let too_many = vec![b'x'; limits::RECORD_BYTES - 3];
-    assert_eq!(writer.push(&Action::Transmit { mark: 0, bytes: &too_many }), Err(NoSpace));
+    assert_eq!(writer.push(&Action::Transmit { mark: MarkId(0), bytes: &too_many }), Err(NoSpace));
     assert!(writer.is_empty());
-    assert_eq!(writer.push(&Action::Transmit { mark: 0, bytes: &most }), Ok(()));
-    assert_eq!(writer.push(&Action::Transmit { mark: 0, bytes: b"y" }), Ok(()));
-    let expected =
-        [Action::Transmit { mark: 0, bytes: &most }, Action::Transmit { mark: 0, bytes: b"y" }];
+    assert_eq!(writer.push(&Action::Transmit { mark: MarkId(0), bytes: &most }), Ok(()));
+    assert_eq!(writer.push(&Action::Transmit { mark: MarkId(0), bytes: b"y" }), Ok(()));
+    let expected = [
+        Action::Transmit { mark: MarkId(0), bytes: &most },
+        Action::Transmit { mark: MarkId(0), bytes: b"y" },
+    ];
     assert_eq!(accepted(writer.written()), expected);
 }
 

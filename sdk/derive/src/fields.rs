@@ -86,8 +86,20 @@ fn is_plain(of: &Type) -> bool {
     let Type::Path(of) = of else { return false };
     let last = of.path.segments.last();
     last.is_some_and(|last| {
-        ["bool", "u8", "u16", "u32", "u64", "usize", "Option"]
-            .iter()
-            .any(|plain| last.ident == plain)
+        [
+            "bool",
+            "u8",
+            "u16",
+            "u32",
+            "u64",
+            "usize",
+            "Option",
+            "DeliveryId",
+            "JobId",
+            "MarkId",
+            "RequestId",
+        ]
+        .iter()
+        .any(|plain| last.ident == plain)
     })
 }

@@ -9,7 +9,7 @@ mod common;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Event, Instance, LineParameters, Micros, Parity, Pass, Values};
+use softplug_abi::{Event, Instance, JobId, LineParameters, Micros, Parity, Pass, Values};
 use softplug_host::Plugin;
 use softplug_native::NativePlugin;
 use std::hint::black_box;
@@ -28,7 +28,7 @@ fn received(criterion: &mut Criterion) {
 }
 
 fn job_data(criterion: &mut Criterion) {
-    compare(criterion, "job data", |bytes| Event::JobData { job: 1, bytes });
+    compare(criterion, "job data", |bytes| Event::JobData { job: JobId(1), bytes });
 }
 
 fn starts(criterion: &mut Criterion) {
@@ -136,7 +136,8 @@ fn open<I: Instance>(instance: &mut I, values: &SettingValues) {
     let (transmit_room, delivery_room) = (ROOM, ROOM);
     let open = Event::Open { resumed: false, line, transmit_room, delivery_room };
     must(instance.step(&open, Micros::ZERO));
-    let job = Event::JobBegin { job: 1, kind: 0, pass: Pass::Run, size: None, fields: empty() };
+    let job =
+        Event::JobBegin { job: JobId(1), kind: 0, pass: Pass::Run, size: None, fields: empty() };
     must(instance.step(&job, Micros::ZERO));
 }
 

@@ -8,7 +8,7 @@
 #![allow(unsafe_code)]
 // An allocator is unsafe to write. This one only counts what it passes on to the system's.
 
-use softplug_abi::{LineParameters, Micros};
+use softplug_abi::{JobId, LineParameters, Micros};
 use softplug_host::{EngineKind, Host, HostOptions};
 use softplug_link::{Job, LinkOptions, Recorder, VirtualLine};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -89,10 +89,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     line.link.open(Micros::ZERO, &mut outside)?;
     let kind = manifest.job_kind("send").ok_or("it takes no job of kind \"send\"")?;
     let check = manifest.needs.check_pass;
-    let job = Job { id: 1, kind, size: Some(1_000), fields: Vec::new(), check };
+    let job = Job { id: JobId(1), kind, size: Some(1_000), fields: Vec::new(), check };
     let before_job = MEMORY.used();
     // The program comes from elsewhere, block by block; here it lies in memory.
-    outside.add_source(1, b"N0010 G1 X-22.035 Y-96.6\n".repeat(40));
+    outside.add_source(JobId(1), b"N0010 G1 X-22.035 Y-96.6\n".repeat(40));
     let program = MEMORY.used() - before_job;
     line.link.begin_job(Micros::ZERO, job, &mut outside)?;
     line.tick(Micros::ZERO, &mut outside)?;

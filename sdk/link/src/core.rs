@@ -9,7 +9,7 @@ use crate::timers::Timers;
 use alloc::vec::Vec;
 use core::hash::{Hash, Hasher};
 use softplug_abi::limits::REQUESTS;
-use softplug_abi::{Action, Actions, Failure, Micros, Pass, Values};
+use softplug_abi::{Action, Actions, DeliveryId, Failure, JobId, Micros, Pass, RequestId, Values};
 
 /// Whether the plug-in holds the transmit queue.
 ///
@@ -39,12 +39,12 @@ pub(crate) struct Core {
     /// What the plug-in was given of the latest job's data.
     pub(crate) fed: Fed,
     /// The delivery under way.
-    pub(crate) delivery: Option<u32>,
+    pub(crate) delivery: Option<DeliveryId>,
     delivery_capacity: u32,
     /// What the plug-in knows to be free for deliveries.
     delivery_room: u32,
     drained: u32,
-    pub(crate) requests: Vec<u32>,
+    pub(crate) requests: Vec<RequestId>,
 }
 
 impl Core {
@@ -90,7 +90,7 @@ impl Core {
                 return Ok(());
             }
             Action::Want { job, bytes } => {
-                self.active(*job)?.want(*bytes);
+                self.active(JobId(job.0))?.want(*bytes);
                 return Ok(());
             }
             Action::Discard => {
@@ -100,18 +100,26 @@ impl Core {
             }
             Action::Hold => self.queue.set_held(true),
             Action::Release => self.queue.set_held(false),
-            Action::DeliveryBegin { delivery, .. } => self.begin_delivery(*delivery)?,
-            Action::Deliver { delivery, bytes } => self.deliver(*delivery, bytes.len() as u32)?,
-            Action::DeliveryName { delivery, .. } => self.in_delivery(*delivery)?,
+            Action::DeliveryBegin { delivery, .. } => {
+                self.begin_delivery(DeliveryId(delivery.0))?
+            }
+            Action::Deliver { delivery, bytes } => {
+                self.deliver(DeliveryId(delivery.0), bytes.len() as u32)?
+            }
+            Action::DeliveryName { delivery, .. } => self.in_delivery(DeliveryId(delivery.0))?,
             Action::DeliveryEnd { delivery, .. } => {
-                self.in_delivery(*delivery)?;
+                self.in_delivery(DeliveryId(delivery.0))?;
                 self.delivery = None;
             }
             Action::JobDone { job, .. } | Action::JobFailed { job, .. } => {
-                self.end_job(*job, action)?;
+                self.end_job(JobId(job.0), action)?;
             }
-            Action::CheckResult { job, failure, .. } => self.checked(*job, failure.is_none())?,
-            Action::Request { request, fields, .. } => self.request(*request, fields)?,
+            Action::CheckResult { job, failure, .. } => {
+                self.checked(JobId(job.0), failure.is_none())?
+            }
+            Action::Request { request, fields, .. } => {
+                self.request(RequestId(request.0), fields)?
+            }
             Action::Withdraw { request } => self.requests.retain(|id| id != request),
             Action::ModemLines { .. } | Action::Note { .. } | Action::State { .. } => {}
             Action::Saved { .. } => unreachable!("answered above"),
@@ -133,11 +141,11 @@ impl Core {
         Ok(())
     }
 
-    fn active(&mut self, id: u32) -> Result<&mut ActiveJob, RuleBroken> {
+    fn active(&mut self, id: JobId) -> Result<&mut ActiveJob, RuleBroken> {
         self.job.as_mut().filter(|active| active.job.id == id).ok_or(RuleBroken::NoSuchJob(id))
     }
 
-    fn end_job(&mut self, id: u32, action: &Action<'_>) -> Result<(), RuleBroken> {
+    fn end_job(&mut self, id: JobId, action: &Action<'_>) -> Result<(), RuleBroken> {
         let active = self.active(id)?;
         if active.pass == Pass::Check && matches!(action, Action::JobDone { .. }) {
             return Err(RuleBroken::OnlyChecked(id));
@@ -146,7 +154,7 @@ impl Core {
         Ok(())
     }
 
-    fn checked(&mut self, id: u32, good: bool) -> Result<(), RuleBroken> {
+    fn checked(&mut self, id: JobId, good: bool) -> Result<(), RuleBroken> {
         let active = self.active(id)?;
         if active.pass != Pass::Check || active.run_next {
             return Err(RuleBroken::NotChecked(id));
@@ -158,19 +166,23 @@ impl Core {
         Ok(())
     }
 
-    fn begin_delivery(&mut self, id: u32) -> Result<(), RuleBroken> {
+    fn begin_delivery(&mut self, id: DeliveryId) -> Result<(), RuleBroken> {
         if self.delivery.is_some() {
             return Err(RuleBroken::DeliveryUnderWay(id));
         }
-        self.delivery = Some(id);
+        self.delivery = Some(DeliveryId(id.0));
         Ok(())
     }
 
-    fn in_delivery(&self, id: u32) -> Result<(), RuleBroken> {
-        if self.delivery == Some(id) { Ok(()) } else { Err(RuleBroken::NoSuchDelivery(id)) }
+    fn in_delivery(&self, id: DeliveryId) -> Result<(), RuleBroken> {
+        if self.delivery == Some(DeliveryId(id.0)) {
+            Ok(())
+        } else {
+            Err(RuleBroken::NoSuchDelivery(id))
+        }
     }
 
-    fn deliver(&mut self, id: u32, bytes: u32) -> Result<(), RuleBroken> {
+    fn deliver(&mut self, id: DeliveryId, bytes: u32) -> Result<(), RuleBroken> {
         self.in_delivery(id)?;
         if bytes > self.delivery_room {
             return Err(RuleBroken::DeliveryRoom { asked: bytes, room: self.delivery_room });
@@ -179,7 +191,7 @@ impl Core {
         Ok(())
     }
 
-    fn request(&mut self, id: u32, fields: &Values<'_>) -> Result<(), RuleBroken> {
+    fn request(&mut self, id: RequestId, fields: &Values<'_>) -> Result<(), RuleBroken> {
         if !are_ascending(fields) {
             return Err(RuleBroken::RequestFields(id));
         }
@@ -194,7 +206,7 @@ impl Core {
     }
 
     /// Whether the plug-in still waits for the answer; `last` takes it off the list.
-    pub(crate) fn awaits_answer(&mut self, id: u32, last: bool) -> bool {
+    pub(crate) fn awaits_answer(&mut self, id: RequestId, last: bool) -> bool {
         let waits = self.requests.contains(&id);
         if last {
             self.requests.retain(|other| *other != id);
@@ -281,7 +293,7 @@ impl Core {
         }
         if let Some(active) = self.job.take() {
             let job = active.job.id;
-            host.handle(now, &Action::JobFailed { job, failure, status: 0, sent: 0 });
+            host.handle(now, &Action::JobFailed { job: JobId(job.0), failure, status: 0, sent: 0 });
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Why a link's plug-in was ended.
 
 use core::error::Error;
-use softplug_abi::{Event, EventKind, Malformed, limits};
+use softplug_abi::{DeliveryId, Event, EventKind, JobId, Malformed, RequestId, limits};
 use thiserror::Error;
 
 /// The plug-in on this link has ended, or did not take an event.
@@ -114,28 +114,28 @@ pub enum RuleBroken {
     TooManyMarks,
     /// It named a job that is not under way.
     #[error("job {0} is not under way")]
-    NoSuchJob(u32),
+    NoSuchJob(JobId),
     /// It carried out a job that is only to be checked.
     #[error("job {0} is only being checked")]
-    OnlyChecked(u32),
+    OnlyChecked(JobId),
     /// It gave a check result for a job that is not being checked.
     #[error("job {0} is not being checked")]
-    NotChecked(u32),
+    NotChecked(JobId),
     /// A second delivery began before the first ended.
     #[error("delivery {0} begins before the one before it has ended")]
-    DeliveryUnderWay(u32),
+    DeliveryUnderWay(DeliveryId),
     /// It named a delivery that is not under way.
     #[error("delivery {0} is not under way")]
-    NoSuchDelivery(u32),
+    NoSuchDelivery(DeliveryId),
     /// Too many requests are unanswered.
     #[error("more than {} requests are unanswered", limits::REQUESTS)]
     TooManyRequests,
     /// A request has an id that is in use.
     #[error("request {0} is already waiting for its answer")]
-    RequestTwice(u32),
+    RequestTwice(RequestId),
     /// The fields of a request are not whole value records in ascending order.
     #[error("the fields of request {0} are not value records in ascending order")]
-    RequestFields(u32),
+    RequestFields(RequestId),
     /// It acted on settings, or while it saved or restored.
     #[error("settings, saving and restoring are answered by nothing else but notes")]
     ActedOnState,

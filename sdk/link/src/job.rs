@@ -1,7 +1,7 @@
 //! The job under way.
 
 use alloc::vec::Vec;
-use softplug_abi::{Pass, limits};
+use softplug_abi::{JobId, Pass, limits};
 
 /// A job to begin.
 ///
@@ -49,7 +49,7 @@ use softplug_abi::{Pass, limits};
 #[derive(Clone, Hash, Debug)]
 pub struct Job {
     /// Its id, not 0 and not used before on this link.
-    pub id: u32,
+    pub id: JobId,
     /// Place of its kind in the manifest.
     pub kind: u16,
     /// Bytes of data, if known.

@@ -88,18 +88,18 @@ pub use rerun::Rerun;
 pub use virtual_line::VirtualLine;
 pub use wire::Wire;
 
-use softplug_abi::{Action, Micros};
+use softplug_abi::{Action, JobId, Micros};
 
 /// What a link needs from its surroundings while it runs.
 ///
 /// ```
-/// use softplug_abi::{Action, Micros};
+/// use softplug_abi::{Action, JobId, Micros};
 /// use softplug_link::{LinkHost, Supply};
 ///
 /// /// Supplies one program, and keeps the jobs that are done.
 /// struct Host {
 ///     program: &'static [u8],
-///     done: Vec<u32>,
+///     done: Vec<JobId>,
 /// }
 ///
 /// impl LinkHost for Host {
@@ -108,7 +108,7 @@ use softplug_abi::{Action, Micros};
 ///             self.done.push(*job);
 ///         }
 ///     }
-///     fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+///     fn supply(&mut self, _job: JobId, buffer: &mut [u8]) -> Supply {
 ///         let (now, later) = self.program.split_at(self.program.len().min(buffer.len()));
 ///         buffer[..now.len()].copy_from_slice(now);
 ///         self.program = later;
@@ -134,13 +134,13 @@ pub trait LinkHost {
     fn handle(&mut self, now: Micros, action: &Action<'_>);
 
     /// Fills `buffer` with data of the job, as much as there is.
-    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         let _ = (job, buffer);
         Supply::End
     }
 
     /// Starts the job's data over: its check pass was good.
-    fn rewind(&mut self, job: u32) {
+    fn rewind(&mut self, job: JobId) {
         let _ = job;
     }
 

@@ -28,7 +28,9 @@ use core::hash::{Hash, Hasher};
 use probation::Probation;
 use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Actions, Event, Instance, LineParameters, LinkDownReason, Micros, ModemLines};
+use softplug_abi::{
+    Actions, Event, Instance, JobId, LineParameters, LinkDownReason, MarkId, Micros, ModemLines,
+};
 
 /// What a link is opened with.
 ///
@@ -360,7 +362,7 @@ impl<I: Instance> Link<I> {
     fn due(&mut self, host: &mut dyn LinkHost) -> Option<Event<'static>> {
         let queue = &mut self.core.queue;
         if let Some((mark, state)) = queue.next_mark() {
-            return Some(Event::Mark { mark, state });
+            return Some(Event::Mark { mark: MarkId(mark.0), state });
         }
         if let Some(grown) = queue.next_room() {
             return Some(Event::TransmitRoom { grown });
@@ -383,23 +385,24 @@ impl<I: Instance> Link<I> {
         if active.run_next {
             active.start_run();
             self.core.fed.begin();
-            host.rewind(job);
+            host.rewind(JobId(job.0));
             self.steps = 0;
             return self.begin_event(host).map(|()| true);
         }
         let Some(most) = active.hungry(capacity) else { return Ok(false) };
-        match host.supply(job, &mut self.scratch[..most]) {
+        match host.supply(JobId(job.0), &mut self.scratch[..most]) {
             Supply::Later => return Ok(false),
             Supply::End => {
                 active.end_data();
-                self.step(&Event::JobEnd { job }, host)?;
+                self.step(&Event::JobEnd { job: JobId(job.0) }, host)?;
             }
             Supply::Bytes(count) => {
                 active.given(count);
                 self.core.fed.give(count, self.core.queue.tail());
                 self.steps = 0;
                 let scratch = core::mem::take(&mut self.scratch);
-                let given = self.step(&Event::JobData { job, bytes: &scratch[..count] }, host);
+                let given = self
+                    .step(&Event::JobData { job: JobId(job.0), bytes: &scratch[..count] }, host);
                 // Another plug-in may have come with its own.
                 if self.scratch.is_empty() {
                     self.scratch = scratch;
@@ -425,7 +428,7 @@ impl<I: Instance> Link<I> {
     }
 
     /// The job under way.
-    pub fn job(&self) -> Option<u32> {
+    pub fn job(&self) -> Option<JobId> {
         self.core.job.as_ref().map(|active| active.job.id)
     }
 

@@ -2,21 +2,21 @@
 
 use alloc::collections::VecDeque;
 use core::hash::{Hash, Hasher};
-use softplug_abi::MarkState;
 use softplug_abi::limits::MARKS;
+use softplug_abi::{MarkId, MarkState};
 
 /// Positions count bytes since the link began: in the queue, all that was ever
 /// queued; on the wire, all that the port was ever given.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Marks {
-    queued: VecDeque<(u32, u64)>,
+    queued: VecDeque<(MarkId, u64)>,
     given: VecDeque<Given>,
-    dropped: VecDeque<u32>,
+    dropped: VecDeque<MarkId>,
 }
 
 #[derive(Clone, Debug)]
 struct Given {
-    mark: u32,
+    mark: MarkId,
     wire: u64,
     maybe_reported: bool,
 }
@@ -33,12 +33,12 @@ impl Marks {
     }
 
     /// A mark on the queued byte that ends at `position`.
-    pub(crate) fn queue(&mut self, mark: u32, position: u64) {
+    pub(crate) fn queue(&mut self, mark: MarkId, position: u64) {
         self.queued.push_back((mark, position));
     }
 
     /// A mark on a byte that the port has, or will have as its `wire`th.
-    pub(crate) fn give(&mut self, mark: u32, wire: u64) {
+    pub(crate) fn give(&mut self, mark: MarkId, wire: u64) {
         self.given.push_back(Given { mark, wire, maybe_reported: false });
     }
 
@@ -47,7 +47,7 @@ impl Marks {
         while let Some((mark, at)) = self.queued.front().copied().filter(|(_, at)| *at <= position)
         {
             self.queued.pop_front();
-            self.give(mark, wire - (position - at));
+            self.give(MarkId(mark.0), wire - (position - at));
         }
     }
 
@@ -66,8 +66,8 @@ impl Marks {
 
     /// This mark is no longer outstanding; or, if it is not known, one without a
     /// name.
-    pub(crate) fn settle(&mut self, mark: u32) {
-        for mark in [mark, 0] {
+    pub(crate) fn settle(&mut self, mark: MarkId) {
+        for mark in [mark, MarkId(0)] {
             if let Some(at) = self.queued.iter().position(|(known, _)| *known == mark) {
                 self.queued.remove(at);
                 return;
@@ -94,7 +94,7 @@ impl Marks {
     }
 
     /// The next report, given how many characters maybe and surely have left.
-    pub(crate) fn next_report(&mut self, maybe: u64, surely: u64) -> Option<(u32, MarkState)> {
+    pub(crate) fn next_report(&mut self, maybe: u64, surely: u64) -> Option<(MarkId, MarkState)> {
         if let Some(mark) = self.dropped.pop_front() {
             return Some((mark, MarkState::Dropped));
         }

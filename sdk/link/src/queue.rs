@@ -5,8 +5,8 @@ use crate::fault::RuleBroken;
 use crate::marks::Marks;
 use alloc::collections::VecDeque;
 use core::hash::{Hash, Hasher};
-use softplug_abi::MarkState;
 use softplug_abi::limits::{MARKS, URGENT_BYTES};
+use softplug_abi::{MarkId, MarkState};
 
 /// What [`Link::take`](crate::Link::take) gave to the port.
 ///
@@ -23,7 +23,7 @@ pub enum Taken {
 
 #[derive(Clone, Hash, Debug)]
 enum Urgent {
-    Byte { byte: u8, mark: u32 },
+    Byte { byte: u8, mark: MarkId },
     Break(u32),
 }
 
@@ -66,7 +66,7 @@ impl Queue {
         }
     }
 
-    pub(crate) fn transmit(&mut self, mark: u32, bytes: &[u8]) -> Result<(), RuleBroken> {
+    pub(crate) fn transmit(&mut self, mark: MarkId, bytes: &[u8]) -> Result<(), RuleBroken> {
         let count = bytes.len() as u32;
         if count > self.room {
             return Err(RuleBroken::TransmitRoom { asked: count, room: self.room });
@@ -75,7 +75,7 @@ impl Queue {
         self.room -= count;
         self.queued += u64::from(count);
         self.bytes.extend(bytes);
-        if mark != 0 {
+        if mark != MarkId(0) {
             if self.bytes.is_empty() {
                 self.marks.give(mark, self.given);
             } else {
@@ -85,7 +85,7 @@ impl Queue {
         Ok(())
     }
 
-    pub(crate) fn transmit_urgent(&mut self, mark: u32, bytes: &[u8]) -> Result<(), RuleBroken> {
+    pub(crate) fn transmit_urgent(&mut self, mark: MarkId, bytes: &[u8]) -> Result<(), RuleBroken> {
         if self.urgent.len() + bytes.len() > URGENT_BYTES {
             return Err(RuleBroken::UrgentFull);
         }
@@ -93,7 +93,7 @@ impl Queue {
         let last = bytes.len() - 1;
         let with_mark = |(at, byte): (usize, &u8)| Urgent::Byte {
             byte: *byte,
-            mark: if at == last { mark } else { 0 },
+            mark: if at == last { mark } else { MarkId(0) },
         };
         self.urgent.extend(bytes.iter().enumerate().map(with_mark));
         Ok(())
@@ -107,8 +107,12 @@ impl Queue {
         Ok(())
     }
 
-    fn check_mark(&self, mark: u32) -> Result<(), RuleBroken> {
-        if mark != 0 && !self.marks.has_room() { Err(RuleBroken::TooManyMarks) } else { Ok(()) }
+    fn check_mark(&self, mark: MarkId) -> Result<(), RuleBroken> {
+        if mark != MarkId(0) && !self.marks.has_room() {
+            Err(RuleBroken::TooManyMarks)
+        } else {
+            Ok(())
+        }
     }
 
     pub(crate) fn set_held(&mut self, held: bool) {
@@ -155,7 +159,7 @@ impl Queue {
                     buffer[count] = byte;
                     count += 1;
                     self.given += 1;
-                    if mark != 0 {
+                    if mark != MarkId(0) {
                         self.marks.give(mark, self.given);
                     }
                 }
@@ -202,7 +206,7 @@ impl Queue {
         self.marks.awaits_departures()
     }
 
-    pub(crate) fn next_mark(&mut self) -> Option<(u32, MarkState)> {
+    pub(crate) fn next_mark(&mut self) -> Option<(MarkId, MarkState)> {
         self.marks.next_report(self.maybe_left, self.surely_left)
     }
 
@@ -289,11 +293,11 @@ impl Queue {
 
     /// For a rerun: so many marks are outstanding of which nothing else is known.
     pub(crate) fn mark_unnamed(&mut self, count: u32) {
-        (0..count.min(MARKS as u32)).for_each(|_| self.marks.give(0, u64::MAX));
+        (0..count.min(MARKS as u32)).for_each(|_| self.marks.give(MarkId(0), u64::MAX));
     }
 
     /// For a rerun: the plug-in was told the end of this mark.
-    pub(crate) fn settle_mark(&mut self, mark: u32) {
+    pub(crate) fn settle_mark(&mut self, mark: MarkId) {
         self.marks.settle(mark);
     }
 

@@ -6,7 +6,7 @@ use alloc::collections::BTreeMap;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::num::NonZeroUsize;
-use softplug_abi::{Action, Failure, Micros, ModemLines, NoteLevel};
+use softplug_abi::{Action, DeliveryId, Failure, JobId, Micros, ModemLines, NoteLevel, RequestId};
 
 /// Something that a plug-in was seen to do.
 ///
@@ -28,14 +28,14 @@ pub enum Observed {
     /// A job was done, after so many bytes.
     Done {
         /// The job.
-        job: u32,
+        job: JobId,
         /// Bytes that left for it.
         sent: u64,
     },
     /// A job failed.
     Failed {
         /// The job.
-        job: u32,
+        job: JobId,
         /// Why.
         failure: Failure,
         /// The protocol's own code.
@@ -46,7 +46,7 @@ pub enum Observed {
     /// The result of a check pass.
     Checked {
         /// The job.
-        job: u32,
+        job: JobId,
         /// `None`: good.
         failure: Option<Failure>,
         /// The protocol's own code.
@@ -59,14 +59,14 @@ pub enum Observed {
     /// A request, with its fields as value records.
     Request {
         /// Its id.
-        request: u32,
+        request: RequestId,
         /// Place of its kind in the manifest.
         kind: u16,
         /// Value records.
         fields: Vec<u8>,
     },
     /// A request was withdrawn.
-    Withdraw(u32),
+    Withdraw(RequestId),
     /// A note.
     Note(NoteLevel, u16, String),
     /// The name of the state that it is in.
@@ -79,9 +79,9 @@ pub enum Observed {
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Delivery {
     /// The plug-in's id for it.
-    pub id: u32,
+    pub id: DeliveryId,
     /// The job that it answers, or 0.
-    pub job: u32,
+    pub job: JobId,
     /// All its bytes.
     pub bytes: Vec<u8>,
     /// The name that was found.
@@ -124,12 +124,12 @@ pub struct Recorder {
     pub source_piece: Option<NonZeroUsize>,
     waiting: u32,
     drained: u32,
-    sources: BTreeMap<u32, (Vec<u8>, usize)>,
+    sources: BTreeMap<JobId, (Vec<u8>, usize)>,
 }
 
 impl Recorder {
     /// Data for a job that is about to begin.
-    pub fn add_source(&mut self, job: u32, data: Vec<u8>) {
+    pub fn add_source(&mut self, job: JobId, data: Vec<u8>) {
         self.sources.insert(job, (data, 0));
     }
 
@@ -180,7 +180,8 @@ impl LinkHost for Recorder {
             Action::ModemLines { mask, on } => Observed::ModemLines(*mask, *on),
             Action::Break { micros } => Observed::Break(*micros),
             Action::DeliveryBegin { delivery, job } => {
-                let open = Delivery { id: *delivery, job: *job, ..Delivery::default() };
+                let open =
+                    Delivery { id: DeliveryId(delivery.0), job: *job, ..Delivery::default() };
                 self.open_delivery = Some(open);
                 return;
             }
@@ -220,7 +221,7 @@ impl LinkHost for Recorder {
                 kind: *kind,
                 fields: fields.as_bytes().to_vec(),
             },
-            Action::Withdraw { request } => Observed::Withdraw(*request),
+            Action::Withdraw { request } => Observed::Withdraw(RequestId(request.0)),
             Action::Note { level, code, text } => Observed::Note(*level, *code, (*text).to_owned()),
             Action::State { name } => Observed::State((*name).to_owned()),
             // What the link handles itself never comes out.
@@ -235,7 +236,7 @@ impl LinkHost for Recorder {
         self.push(now, observed);
     }
 
-    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         let Some((data, at)) = self.sources.get_mut(&job) else { return Supply::End };
         let most = buffer.len().min(data.len() - *at);
         let most = self.source_piece.map_or(most, |piece| most.min(piece.get()));
@@ -252,7 +253,7 @@ impl LinkHost for Recorder {
         Supply::Bytes(count)
     }
 
-    fn rewind(&mut self, job: u32) {
+    fn rewind(&mut self, job: JobId) {
         if let Some((_, at)) = self.sources.get_mut(&job) {
             *at = 0;
         }

@@ -7,7 +7,7 @@ use crate::job::{ActiveJob, Job};
 use crate::link::{give_quiet, saved_by};
 use crate::{Link, LinkHost, LinkOptions, UnderWay};
 use alloc::vec::Vec;
-use softplug_abi::{Event, Instance, MarkState, Micros};
+use softplug_abi::{Event, Instance, JobId, MarkState, Micros, RequestId};
 
 /// Gives an instance exactly the events that another one was given, at their
 /// times. There is no line: nothing comes of what the instance does, but it is
@@ -170,12 +170,12 @@ impl Core {
                 self.queue.settle_mark(*mark);
             }
             Event::JobBegin { job, pass, .. } => {
-                let mut active = ActiveJob::new(job_of(*job));
+                let mut active = ActiveJob::new(job_of(JobId(job.0)));
                 active.pass = *pass;
                 self.job = Some(active);
             }
             Event::Answer { request, more, .. } => {
-                self.awaits_answer(*request, !more);
+                self.awaits_answer(RequestId(request.0), !more);
             }
             Event::Settings { .. }
             | Event::Close
@@ -199,6 +199,6 @@ impl Core {
     }
 }
 
-fn job_of(id: u32) -> Job {
+fn job_of(id: JobId) -> Job {
     Job { id, kind: 0, size: None, fields: Vec::new(), check: false }
 }

@@ -5,7 +5,9 @@ mod common;
 
 use proptest::prelude::*;
 use softplug_abi::limits::MARKS;
-use softplug_abi::{Action, ActionWriter, Event, Instance, MarkState, Micros, Output};
+use softplug_abi::{
+    Action, ActionWriter, DeliveryId, Event, Instance, JobId, MarkId, MarkState, Micros, Output,
+};
 use softplug_link::{Link, Recorder, Taken};
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -55,7 +57,7 @@ struct Known {
     transmit_room: u32,
     delivery_room: u32,
     /// Marks outstanding, with whether `maybe-left` came.
-    marks: Vec<(u32, bool)>,
+    marks: Vec<(MarkId, bool)>,
     /// What must come out of the port, if nothing is dropped.
     queue: VecDeque<u8>,
     urgent: VecDeque<u8>,
@@ -80,7 +82,7 @@ impl Known {
                 self.transmitted += count as u64;
                 let mark = self.mark(marked);
                 if marked || count > 0 {
-                    put(&Action::Transmit { mark, bytes: &bytes });
+                    put(&Action::Transmit { mark: MarkId(mark), bytes: &bytes });
                 }
             }
             Some(Step::Urgent(count, marked)) => {
@@ -90,7 +92,7 @@ impl Known {
                     let bytes: Vec<u8> = self.bytes(count);
                     self.urgent.extend(&bytes);
                     let mark = self.mark(marked);
-                    put(&Action::TransmitUrgent { mark, bytes: &bytes });
+                    put(&Action::TransmitUrgent { mark: MarkId(mark), bytes: &bytes });
                 }
             }
             Some(Step::Hold) => {
@@ -111,7 +113,7 @@ impl Known {
                     let bytes = self.bytes(count);
                     self.delivery_room -= count as u32;
                     self.delivered.extend(&bytes);
-                    put(&Action::Deliver { delivery: 1, bytes: &bytes });
+                    put(&Action::Deliver { delivery: DeliveryId(1), bytes: &bytes });
                 }
             }
             _ => {}
@@ -129,7 +131,7 @@ impl Known {
             return 0;
         }
         self.next_mark += 1;
-        self.marks.push((self.next_mark, false));
+        self.marks.push((MarkId(self.next_mark), false));
         self.next_mark
     }
 
@@ -194,7 +196,7 @@ impl Instance for Player {
         match event {
             Event::Received(_) => known.act(&mut writer),
             Event::Open { .. } => {
-                let begin = Action::DeliveryBegin { delivery: 1, job: 0 };
+                let begin = Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) };
                 writer.push(&begin).expect("the buffer is large");
             }
             _ => {}

@@ -3,10 +3,10 @@
 mod common;
 
 use common::{Rig, rooms};
-use softplug_abi::{Action, LineParameters, Micros, Parity};
+use softplug_abi::{Action, LineParameters, MarkId, Micros, Parity};
 use softplug_link::{LinkOptions, Taken, Wire};
 
-fn transmit(mark: u32, bytes: &[u8]) -> Action<'_> {
+fn transmit(mark: MarkId, bytes: &[u8]) -> Action<'_> {
     Action::Transmit { mark, bytes }
 }
 
@@ -88,12 +88,15 @@ fn positions_hold_over_close_and_reopening() {
     for round in 0..3 {
         let at = round * 100_000;
         // Three with the port at the close, the rest of it dropped.
-        rig.does(at, &[transmit(1, b"ABC"), transmit(2, b"DEFG")]);
+        rig.does(at, &[transmit(MarkId(1), b"ABC"), transmit(MarkId(2), b"DEFG")]);
         rig.given();
         rig.host(at + 1_500, |link, out| link.close(Micros(at + 1_500), out));
         rig.host(at + 1_600, |link, out| link.open(Micros(at + 1_600), out));
         // The port still has A (leaving) to E; these are counted behind them.
-        rig.does(at + 1_700, &[transmit(3, b""), transmit(4, b"xyz"), Action::Hold]);
+        rig.does(
+            at + 1_700,
+            &[transmit(MarkId(3), b""), transmit(MarkId(4), b"xyz"), Action::Hold],
+        );
         rig.given();
         rig.until(at + 20_000);
         let marks: Vec<_> =
@@ -110,7 +113,7 @@ fn positions_hold_over_close_and_reopening() {
 #[test]
 fn nothing_is_sent_while_the_port_is_gone() {
     let mut rig = Rig::new(rooms(64, 64), 1);
-    rig.does(0, &[transmit(0, b"ABC")]);
+    rig.does(0, &[transmit(MarkId(0), b"ABC")]);
     let reason = softplug_abi::LinkDownReason::Unplugged;
     rig.host(500, |link, out| link.link_down(Micros(500), reason, out));
     assert!(!rig.line.link.has_to_send());
@@ -124,7 +127,7 @@ fn nothing_is_sent_while_the_port_is_gone() {
 #[test]
 fn an_ended_plugin_can_be_closed() {
     let mut rig = Rig::new(LinkOptions { ..rooms(4, 4) }, 1);
-    rig.breaks(10, &[transmit(0, b"12345")]);
+    rig.breaks(10, &[transmit(MarkId(0), b"12345")]);
     rig.given();
     rig.line.link.close(Micros(20), &mut rig.out).unwrap();
     rig.line.link.close(Micros(20), &mut rig.out).unwrap();

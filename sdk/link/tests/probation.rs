@@ -5,7 +5,10 @@ mod common;
 
 use common::rooms;
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Action, ActionWriter, Event, Failure, Instance, MarkState, Micros, Output};
+use softplug_abi::{
+    Action, ActionWriter, DeliveryId, Event, Failure, Instance, JobId, MarkId, MarkState, Micros,
+    Output, RequestId,
+};
 use softplug_abi::{ModemLines, Values};
 use softplug_link::{Job, LinkOptions, Observed, Recorder, Spare, Successor, VirtualLine};
 use std::cell::RefCell;
@@ -46,14 +49,14 @@ struct Trapped;
 struct State {
     transmit_room: usize,
     delivery_room: usize,
-    job: Option<u32>,
+    job: Option<JobId>,
     data_ended: bool,
     to_send: Vec<u8>,
     /// All that was transmitted: what a discard dropped is sent again.
     transmitted: Vec<u8>,
     discarding: bool,
     sent: u64,
-    mark: u32,
+    mark: MarkId,
     marks: u32,
     delivering: bool,
     to_deliver: Vec<u8>,
@@ -120,7 +123,7 @@ impl State {
                 self.job = Some(*job);
                 out.put(&Action::Want { job: *job, bytes: 7 });
                 let fields = Values::new(b"");
-                out.put(&Action::Request { request: 9, kind: 0, fields });
+                out.put(&Action::Request { request: RequestId(9), kind: 0, fields });
             }
             Event::JobData { job, bytes } => {
                 self.to_send.extend(*bytes);
@@ -144,7 +147,7 @@ impl State {
             Event::Timer { .. } => {
                 self.silent_at = None;
                 self.delivering = false;
-                out.put(&Action::DeliveryEnd { delivery: 1, failure: None, status: 0 });
+                out.put(&Action::DeliveryEnd { delivery: DeliveryId(1), failure: None, status: 0 });
             }
             Event::ModemLines { on, .. } => out.put(&Action::Note {
                 level: softplug_abi::NoteLevel::Debug,
@@ -170,7 +173,7 @@ impl State {
             match byte {
                 0x13 => out.put(&Action::Hold),
                 0x11 => out.put(&Action::Release),
-                b'?' => out.put(&Action::TransmitUrgent { mark: 0, bytes: b"U" }),
+                b'?' => out.put(&Action::TransmitUrgent { mark: MarkId(0), bytes: b"U" }),
                 b'#' => {
                     self.discarding = true;
                     out.put(&Action::Discard);
@@ -190,7 +193,7 @@ impl State {
         if count > 0 && !self.discarding {
             let bytes: Vec<u8> = self.to_send.drain(..count).collect();
             self.transmitted.extend(&bytes);
-            self.mark += 1;
+            self.mark = self.mark.next();
             self.marks += 1;
             self.sent += count as u64;
             self.transmit_room -= count;
@@ -202,9 +205,9 @@ impl State {
             self.delivery_room -= count;
             if !self.delivering {
                 self.delivering = true;
-                out.put(&Action::DeliveryBegin { delivery: 1, job: 0 });
+                out.put(&Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) });
             }
-            out.put(&Action::Deliver { delivery: 1, bytes: &bytes });
+            out.put(&Action::Deliver { delivery: DeliveryId(1), bytes: &bytes });
         }
         let is_done = self.data_ended && self.to_send.is_empty() && self.marks == 0;
         if let Some(job) = self.job.filter(|_| is_done && self.answered) {
@@ -253,7 +256,9 @@ impl Instance for Converter {
         }
         match self.failing_now {
             Some(Failing::Garbles) => out.0.extend([1, 0, 9, 0, 0]),
-            Some(Failing::BreaksRule) => out.put(&Action::Deliver { delivery: 77, bytes: b"x" }),
+            Some(Failing::BreaksRule) => {
+                out.put(&Action::Deliver { delivery: DeliveryId(77), bytes: b"x" })
+            }
             _ => {}
         }
         self.output = out.0;
@@ -280,7 +285,7 @@ fn story(swap_at: Option<i64>, fails: Option<(u64, Failing)>) -> Seen {
     let mut line = VirtualLine::new(Converter::new(&shelf, None), options, 2);
     let mut out = Recorder::default();
     line.link.open(Micros::ZERO, &mut out).unwrap();
-    out.add_source(1, (b'A'..=b'z').collect());
+    out.add_source(JobId(1), (b'A'..=b'z').collect());
     let mut events = 0;
     for at in (0..120_000).step_by(500) {
         let now = Micros(at);
@@ -298,7 +303,8 @@ fn story(swap_at: Option<i64>, fails: Option<(u64, Failing)>) -> Seen {
         }
         match at {
             1_000 => {
-                let job = Job { id: 1, kind: 0, size: None, fields: Vec::new(), check: false };
+                let job =
+                    Job { id: JobId(1), kind: 0, size: None, fields: Vec::new(), check: false };
                 link.begin_job(now, job, &mut out).unwrap();
             }
             4_000 | 4_500 | 9_000 => link.received(now, b"xyz", &mut out).unwrap(),
@@ -313,9 +319,9 @@ fn story(swap_at: Option<i64>, fails: Option<(u64, Failing)>) -> Seen {
                 link.link_down(now, softplug_abi::LinkDownReason::Unplugged, &mut out).unwrap();
             }
             36_000 => link.link_up(now, &mut out).unwrap(),
-            40_000 => link.pause(now, 1, &mut out).unwrap(),
-            42_000 => link.resume(now, 1, &mut out).unwrap(),
-            50_000 => link.answer(now, 9, Ok(b"yes"), &mut out).unwrap(),
+            40_000 => link.pause(now, JobId(1), &mut out).unwrap(),
+            42_000 => link.resume(now, JobId(1), &mut out).unwrap(),
+            50_000 => link.answer(now, RequestId(9), Ok(b"yes"), &mut out).unwrap(),
             52_000 => {
                 out.drain_by_hand = true;
                 link.received(now, b"0123456789abcdefghij", &mut out).unwrap();

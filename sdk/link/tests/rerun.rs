@@ -3,7 +3,10 @@
 mod common;
 
 use common::{Plugin, Refused, Script, rooms};
-use softplug_abi::{Action, Event, EventKind, Instance, Micros, Output, Values};
+use softplug_abi::{
+    Action, DeliveryId, Event, EventKind, Instance, JobId, MarkId, Micros, Output, RequestId,
+    Values,
+};
 use softplug_link::{Job, Link, LinkFault, Recorder, Rerun, UnderWay};
 
 /// Keeps what it is given.
@@ -28,16 +31,16 @@ impl Instance for Logged {
     }
 }
 
-fn transmit(mark: u32) -> Action<'static> {
+fn transmit(mark: MarkId) -> Action<'static> {
     Action::Transmit { mark, bytes: b"ABCDEFGH" }
 }
 
-fn request(request: u32) -> Action<'static> {
+fn request(request: RequestId) -> Action<'static> {
     Action::Request { request, kind: 0, fields: Values::new(b"") }
 }
 
 fn urgent() -> Action<'static> {
-    Action::TransmitUrgent { mark: 0, bytes: b"0123456789" }
+    Action::TransmitUrgent { mark: MarkId(0), bytes: b"0123456789" }
 }
 
 /// A story in which the plug-in is told of rooms, marks, timers, a job, answers.
@@ -46,17 +49,20 @@ fn tell(script: &Script, last: &[Action<'_>]) {
     script.once(
         "job-begin",
         &[
-            Action::Want { job: 1, bytes: 4 },
-            transmit(1),
-            Action::DeliveryBegin { delivery: 5, job: 0 },
-            Action::Deliver { delivery: 5, bytes: b"12345678" },
-            request(1),
-            request(2),
+            Action::Want { job: JobId(1), bytes: 4 },
+            transmit(MarkId(1)),
+            Action::DeliveryBegin { delivery: DeliveryId(5), job: JobId(0) },
+            Action::Deliver { delivery: DeliveryId(5), bytes: b"12345678" },
+            request(RequestId(1)),
+            request(RequestId(2)),
             Action::SetTimer { id: 3, deadline: Micros(40) },
         ],
     );
-    script.once("timer 3", &[Action::TransmitUrgent { mark: 2, bytes: b"urgent" }, request(3)]);
-    script.once("answer 1", &[transmit(3), Action::Discard]);
+    script.once(
+        "timer 3",
+        &[Action::TransmitUrgent { mark: MarkId(2), bytes: b"urgent" }, request(RequestId(3))],
+    );
+    script.once("answer 1", &[transmit(MarkId(3)), Action::Discard]);
     script.on("save", &[Action::Saved { format: 1, offset: 0, total: 1, bytes: b"s" }]);
     script.once("received \"X\"", last);
 }
@@ -70,15 +76,15 @@ fn play(script: &Script) -> (LinkFault<Refused>, Given) {
     let logged = Logged { inner: script.plugin(), log: Vec::new() };
     let mut link = Link::new(logged, rooms(20, 20));
     link.open(Micros::ZERO, &mut out).unwrap();
-    out.add_source(1, b"data".to_vec());
-    let job = Job { id: 1, kind: 0, size: None, fields: Vec::new(), check: false };
+    out.add_source(JobId(1), b"data".to_vec());
+    let job = Job { id: JobId(1), kind: 0, size: None, fields: Vec::new(), check: false };
     link.begin_job(Micros(10), job, &mut out).unwrap();
     link.take(&mut [0; 8]);
     link.left(8, 8);
     link.run(Micros(20), &mut out).unwrap();
     link.run(Micros(50), &mut out).unwrap();
     link.take(&mut [0; 8]);
-    link.answer(Micros(60), 1, Ok(b"yes"), &mut out).unwrap();
+    link.answer(Micros(60), RequestId(1), Ok(b"yes"), &mut out).unwrap();
     link.save(Micros(65), &mut out).unwrap();
     let fault = link.received(Micros(70), b"X", &mut out).unwrap_err();
     (fault, link.instance().log.clone())
@@ -87,18 +93,18 @@ fn play(script: &Script) -> (LinkFault<Refused>, Given) {
 #[test]
 fn every_end_comes_again() {
     let too_much = [b'x'; 21];
-    let many = [request(4), request(5), request(6)];
+    let many = [request(RequestId(4)), request(RequestId(5)), request(RequestId(6))];
     let ends: [&[Action<'_>]; 11] = [
-        &[Action::Transmit { mark: 0, bytes: &too_much }],
+        &[Action::Transmit { mark: MarkId(0), bytes: &too_much }],
         // Eight bytes of the twenty are not put away yet.
-        &[Action::Deliver { delivery: 5, bytes: &too_much[..13] }],
+        &[Action::Deliver { delivery: DeliveryId(5), bytes: &too_much[..13] }],
         &many,
-        &[request(2)],
-        &[Action::Want { job: 2, bytes: 1 }],
-        &[Action::JobDone { job: 1, sent: 0 }, Action::Want { job: 1, bytes: 1 }],
-        &[Action::DeliveryBegin { delivery: 6, job: 0 }],
-        &[Action::DeliveryEnd { delivery: 6, failure: None, status: 0 }],
-        &[Action::CheckResult { job: 1, failure: None, status: 0, line: 0, column: 0 }],
+        &[request(RequestId(2))],
+        &[Action::Want { job: JobId(2), bytes: 1 }],
+        &[Action::JobDone { job: JobId(1), sent: 0 }, Action::Want { job: JobId(1), bytes: 1 }],
+        &[Action::DeliveryBegin { delivery: DeliveryId(6), job: JobId(0) }],
+        &[Action::DeliveryEnd { delivery: DeliveryId(6), failure: None, status: 0 }],
+        &[Action::CheckResult { job: JobId(1), failure: None, status: 0, line: 0, column: 0 }],
         &[Action::Saved { format: 1, offset: 0, total: 0, bytes: b"" }],
         &[urgent(), urgent()],
     ];
@@ -125,7 +131,7 @@ fn every_end_comes_again() {
 #[test]
 fn what_was_under_way_is_known() {
     let script = Script::default();
-    tell(&script, &[request(2)]);
+    tell(&script, &[request(RequestId(2))]);
     let (fault, log) = play(&script);
     // From the answer on, with what stood on the link then.
     let from = log.iter().position(|(_, kind, _)| *kind == EventKind::Answer).expect("answered");
@@ -133,14 +139,19 @@ fn what_was_under_way_is_known() {
         Event::Open { resumed: true, line: rooms(0, 0).line, transmit_room: 40, delivery_room: 12 };
     for (marks, ends) in [(2, "request 2"), (63, "more than 64 marks")] {
         let under_way = UnderWay {
-            job: Some((1, softplug_abi::Pass::Run)),
-            delivery: Some(5),
-            requests: vec![1, 2, 3],
+            job: Some((JobId(1), softplug_abi::Pass::Run)),
+            delivery: Some(DeliveryId(5)),
+            requests: vec![RequestId(1), RequestId(2), RequestId(3)],
             marks,
         };
         let again = Script::default();
-        again.once("answer 1", &[transmit(3), Action::Discard]);
-        let last = [transmit(4), transmit(5), Action::Want { job: 1, bytes: 1 }, request(2)];
+        again.once("answer 1", &[transmit(MarkId(3)), Action::Discard]);
+        let last = [
+            transmit(MarkId(4)),
+            transmit(MarkId(5)),
+            Action::Want { job: JobId(1), bytes: 1 },
+            request(RequestId(2)),
+        ];
         again.once("received \"X\"", &last[if marks == 2 { 2 } else { 0 }..]);
         let mut rerun = Rerun::new(again.plugin(), &under_way);
         let mut out = Recorder::default();

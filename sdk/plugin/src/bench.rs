@@ -1,6 +1,6 @@
 //! A bench for a converter: a line in virtual time, with a UART.
 
-use crate::{Converter, Native, NativeFault};
+use crate::{Converter, JobId, Native, NativeFault};
 use softplug_abi::manifest::{Manifest, SettingError, StateFormats};
 use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines, Refusal};
 pub use softplug_link::{Delivery, Observed, Taken};
@@ -169,9 +169,9 @@ impl<C: Converter> Bench<C> {
     pub fn begin_job(&mut self, kind: u16, fields: Vec<u8>, data: &[u8]) -> u32 {
         let id = self.next_job;
         self.next_job += 1;
-        self.recorder.add_source(id, data.to_vec());
+        self.recorder.add_source(JobId(id), data.to_vec());
         let check = self.check_pass;
-        let job = Job { id, kind, size: Some(data.len() as u64), fields, check };
+        let job = Job { id: JobId(id), kind, size: Some(data.len() as u64), fields, check };
         let begun = self.line.link.begin_job(self.now, job, &mut self.recorder);
         self.went_well(begun);
         self.settle();

@@ -1,6 +1,6 @@
 //! What a converter can do while it handles an event.
 
-use crate::{Failure, Micros, ModemLines, NoteLevel, Values};
+use crate::{DeliveryId, Failure, JobId, MarkId, Micros, ModemLines, NoteLevel, RequestId, Values};
 use softplug_abi::limits::{DELIVERY_NAME_BYTES, NOTE_BYTES, STATE_NAME_BYTES};
 use softplug_abi::wire::NoSpace;
 use softplug_abi::{Action, ActionWriter};
@@ -150,7 +150,7 @@ impl<'a> Context<'a> {
     ///
     /// # Panics
     /// There is less [room](Self::transmit_room).
-    pub fn transmit_marked(&mut self, mark: u32, bytes: &[u8]) {
+    pub fn transmit_marked(&mut self, mark: MarkId, bytes: &[u8]) {
         self.take_transmit_room(bytes);
         fitted(self.writer.transmit_marked(mark, bytes));
     }
@@ -164,11 +164,11 @@ impl<'a> Context<'a> {
 
     /// Sends up to 16 bytes ahead of queue and hold.
     pub fn transmit_urgent(&mut self, bytes: &[u8]) {
-        self.push(&Action::TransmitUrgent { mark: 0, bytes });
+        self.push(&Action::TransmitUrgent { mark: MarkId(0), bytes });
     }
 
     /// Sends up to 16 bytes ahead of queue and hold, with a mark.
-    pub fn transmit_urgent_marked(&mut self, mark: u32, bytes: &[u8]) {
+    pub fn transmit_urgent_marked(&mut self, mark: MarkId, bytes: &[u8]) {
         self.push(&Action::TransmitUrgent { mark, bytes });
     }
 
@@ -214,14 +214,14 @@ impl<'a> Context<'a> {
     }
 
     /// Asks for `bytes` more of the job's data; nothing for 0.
-    pub fn want(&mut self, job: u32, bytes: u32) {
+    pub fn want(&mut self, job: JobId, bytes: u32) {
         if bytes > 0 {
             fitted_here(self.writer.want(job, bytes));
         }
     }
 
     /// Begins a delivery under an id of the converter's choice, not 0.
-    pub fn delivery_begin(&mut self, delivery: u32, job: u32) {
+    pub fn delivery_begin(&mut self, delivery: DeliveryId, job: JobId) {
         self.push(&Action::DeliveryBegin { delivery, job });
     }
 
@@ -230,7 +230,7 @@ impl<'a> Context<'a> {
     /// # Panics
     /// There is less [room](Self::delivery_room).
     #[inline]
-    pub fn deliver(&mut self, delivery: u32, bytes: &[u8]) {
+    pub fn deliver(&mut self, delivery: DeliveryId, bytes: &[u8]) {
         let count = bytes.len() as u32;
         assert!(count <= self.rooms.delivery, "delivers more bytes than there is room for");
         self.rooms.delivery -= count;
@@ -238,39 +238,39 @@ impl<'a> Context<'a> {
     }
 
     /// Names the delivery; cut to 128 bytes.
-    pub fn delivery_name(&mut self, delivery: u32, name: &str) {
+    pub fn delivery_name(&mut self, delivery: DeliveryId, name: &str) {
         self.push(&Action::DeliveryName { delivery, name: cut(name, DELIVERY_NAME_BYTES) });
     }
 
     /// Names the delivery by characters of ASCII; cut to 128 bytes. Of any other byte
     /// the highest bit is left out: so the name is a text whatever came from the line.
-    pub fn delivery_name_ascii(&mut self, delivery: u32, name: &[u8]) {
+    pub fn delivery_name_ascii(&mut self, delivery: DeliveryId, name: &[u8]) {
         let name = name.get(..DELIVERY_NAME_BYTES).unwrap_or(name);
         fitted(self.writer.delivery_name_ascii(delivery, name));
     }
 
     /// Ends the delivery: complete, or failed.
-    pub fn delivery_end(&mut self, delivery: u32, failure: Option<Failure>, status: u16) {
+    pub fn delivery_end(&mut self, delivery: DeliveryId, failure: Option<Failure>, status: u16) {
         self.push(&Action::DeliveryEnd { delivery, failure, status });
     }
 
     /// The job is done; so many bytes left for it.
-    pub fn job_done(&mut self, job: u32, sent: u64) {
+    pub fn job_done(&mut self, job: JobId, sent: u64) {
         self.push(&Action::JobDone { job, sent });
     }
 
     /// The job has failed; so many bytes left for it.
-    pub fn job_failed(&mut self, job: u32, failure: Failure, status: u16, sent: u64) {
+    pub fn job_failed(&mut self, job: JobId, failure: Failure, status: u16, sent: u64) {
         self.push(&Action::JobFailed { job, failure, status, sent });
     }
 
     /// The job's check pass was good.
-    pub fn check_good(&mut self, job: u32) {
+    pub fn check_good(&mut self, job: JobId) {
         self.push(&Action::CheckResult { job, failure: None, status: 0, line: 0, column: 0 });
     }
 
     /// The job's check pass found a fault at this line and column, from 1.
-    pub fn check_failed(&mut self, job: u32, failure: Failure, line: u32, column: u32) {
+    pub fn check_failed(&mut self, job: JobId, failure: Failure, line: u32, column: u32) {
         let failure = Some(failure);
         self.push(&Action::CheckResult { job, failure, status: 0, line, column });
     }
@@ -279,7 +279,7 @@ impl<'a> Context<'a> {
     /// column, from 1; 0: at none.
     pub fn check_failed_with(
         &mut self,
-        job: u32,
+        job: JobId,
         failure: Failure,
         status: u16,
         line: u32,
@@ -289,12 +289,12 @@ impl<'a> Context<'a> {
     }
 
     /// Asks the host for something of `kind`, its place in the manifest.
-    pub fn request(&mut self, request: u32, kind: u16, fields: Values<'_>) {
+    pub fn request(&mut self, request: RequestId, kind: u16, fields: Values<'_>) {
         self.push(&Action::Request { request, kind, fields });
     }
 
     /// Takes a request back.
-    pub fn withdraw(&mut self, request: u32) {
+    pub fn withdraw(&mut self, request: RequestId) {
         self.push(&Action::Withdraw { request });
     }
 

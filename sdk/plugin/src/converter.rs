@@ -1,8 +1,9 @@
 //! What the author of a plug-in implements.
 
 use crate::{
-    Context, Failure, LineErrorKind, LineParameters, LinkDownReason, MarkState, Micros, ModemLines,
-    PartEvent, Pass, SettingSet, StateError, StateReader, StateWriter, Values,
+    Context, Failure, JobId, LineErrorKind, LineParameters, LinkDownReason, MarkId, MarkState,
+    Micros, ModemLines, PartEvent, Pass, RequestId, SettingSet, StateError, StateReader,
+    StateWriter, Values,
 };
 
 /// The link at its opening.
@@ -37,7 +38,7 @@ pub struct Opening {
 #[derive(Clone, Debug)]
 pub struct JobStart<'a> {
     /// Its id, for all that concerns it.
-    pub job: u32,
+    pub job: JobId,
     /// Place of its kind in the manifest.
     pub kind: u16,
     /// Check the data only, or carry the job out.
@@ -159,7 +160,7 @@ pub trait Converter: Sized {
     /// A timer has run out.
     fn timer(&mut self, link: &mut Context<'_>, id: u8, deadline: Micros) {}
     /// News of a marked byte.
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {}
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {}
     /// The transmit queue has more room; [`Context::transmit_room`] says how much.
     fn transmit_room(&mut self, link: &mut Context<'_>) {}
     /// A discard dropped so many bytes.
@@ -171,22 +172,22 @@ pub trait Converter: Sized {
         link.job_failed(job.job, Failure::NotSupported, 0, 0);
     }
     /// Data of the job, at most as much as was asked for.
-    fn job_data(&mut self, link: &mut Context<'_>, job: u32, bytes: &[u8]) {}
+    fn job_data(&mut self, link: &mut Context<'_>, job: JobId, bytes: &[u8]) {}
     /// All data of the job was given.
-    fn job_end(&mut self, link: &mut Context<'_>, job: u32) {}
+    fn job_end(&mut self, link: &mut Context<'_>, job: JobId) {}
     /// Pause the job where the protocol allows it.
-    fn pause(&mut self, link: &mut Context<'_>, job: u32) {}
+    fn pause(&mut self, link: &mut Context<'_>, job: JobId) {}
     /// Go on with the job.
-    fn resume(&mut self, link: &mut Context<'_>, job: u32) {}
+    fn resume(&mut self, link: &mut Context<'_>, job: JobId) {}
     /// Abort the job; 0: the delivery under way.
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {}
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {}
     /// Go on although the partner holds the line.
     fn force_resume(&mut self, link: &mut Context<'_>) {}
     /// A piece of the answer to a request, or why it is refused.
     fn answer(
         &mut self,
         link: &mut Context<'_>,
-        request: u32,
+        request: RequestId,
         answer: Result<&[u8], Failure>,
         more: bool,
     ) {

@@ -57,8 +57,8 @@ pub use saved::State;
 pub use settings::{Bytes, Choice, SettingSet, SettingType, Text};
 pub use softplug_abi::wire::copy;
 pub use softplug_abi::{
-    Failure, LineErrorKind, LineParameters, LinkDownReason, MarkState, Micros, ModemLines,
-    NoteLevel, Parity, Pass, RawValue, Value, ValueWriter, Values,
+    DeliveryId, Failure, JobId, LineErrorKind, LineParameters, LinkDownReason, MarkId, MarkState,
+    Micros, ModemLines, NoteLevel, Parity, Pass, RawValue, RequestId, Value, ValueWriter, Values,
 };
 pub use softplug_plugin_derive::State;
 pub use state::{StateError, StateReader, StateWriter};

@@ -2,7 +2,7 @@
 
 use crate::context::{Context, Rooms};
 use crate::state::{StateReader, emit, measure};
-use crate::{Converter, JobStart, Opening, PartEvent, SettingSet, StateError};
+use crate::{Converter, JobId, JobStart, Opening, PartEvent, SettingSet, StateError};
 use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::wire::{Reader, copy};
 use softplug_abi::{Event, EventKind, Micros, RawValue, Refusal, TakeEvent, Values};
@@ -109,7 +109,7 @@ impl<C: Converter> Core<C> {
             && !bytes.is_empty()
         {
             converter.parts(link, &PartEvent::JobData(bytes));
-            converter.job_data(link, u32::from_le_bytes(*job), bytes);
+            converter.job_data(link, JobId(u32::from_le_bytes(*job)), bytes);
         } else {
             return false;
         }

@@ -1,6 +1,6 @@
 //! What can be saved and taken back: numbers, times, arrays, and what `#[derive(State)]` makes of them.
 
-use crate::{Failure, Micros, StateReader, StateWriter};
+use crate::{DeliveryId, Failure, JobId, MarkId, Micros, RequestId, StateReader, StateWriter};
 
 /// A part of a converter's state: it writes itself, and takes itself back in place.
 ///
@@ -24,7 +24,7 @@ use crate::{Failure, Micros, StateReader, StateWriter};
 /// |---|---|
 /// | `bool`, `u8`, an enum | 1 |
 /// | `u16` | 2 |
-/// | `u32`, `usize` | 4 |
+/// | `u32`, `usize`, ids | 4 |
 /// | `u64`, [`Micros`] | 8 |
 /// | `Option<Micros>` | 9 |
 /// | `Option<Failure>` | 2 |
@@ -164,6 +164,24 @@ plain! {
     Micros: micros,
     Option<Micros>: deadline,
 }
+
+macro_rules! ids {
+    ($($id:ident)*) => {
+        $(
+            impl State for $id {
+                fn save(&self, state: &mut StateWriter<'_>) {
+                    state.u32(self.0);
+                }
+
+                fn restore(&mut self, state: &mut StateReader<'_>) {
+                    *self = $id(state.u32());
+                }
+            }
+        )*
+    };
+}
+
+ids!(DeliveryId JobId MarkId RequestId);
 
 /// A count of bytes: plug-ins have less than 4 GB.
 impl State for usize {

@@ -4,8 +4,9 @@ use softplug_abi::manifest::SettingError;
 use softplug_link::Observed;
 use softplug_plugin::bench::{Bench, BenchError};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LineParameters, MarkState, Micros,
-    ModemLines, NoteLevel, StateError, StateReader, StateWriter, Values, manifest, settings,
+    Context, Converter, DeliveryId, Failure, JobId, JobStart, LineErrorKind, LineParameters,
+    MarkId, MarkState, Micros, ModemLines, NoteLevel, RequestId, StateError, StateReader,
+    StateWriter, Values, manifest, settings,
 };
 
 settings! {
@@ -19,9 +20,9 @@ settings! {
 #[derive(Debug)]
 struct Relay {
     burst: u32,
-    job: u32,
+    job: JobId,
     sent: u64,
-    delivery: u32,
+    delivery: DeliveryId,
 }
 
 impl Converter for Relay {
@@ -34,20 +35,20 @@ impl Converter for Relay {
     const STATE_FORMAT: Option<u16> = Some(1);
 
     fn new(settings: Settings) -> Self {
-        Self { burst: settings.burst as u32, job: 0, sent: 0, delivery: 0 }
+        Self { burst: settings.burst as u32, job: JobId(0), sent: 0, delivery: DeliveryId(0) }
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         for byte in bytes {
-            if self.delivery == 0 {
-                self.delivery = 1;
-                link.delivery_begin(1, 0);
+            if self.delivery == DeliveryId(0) {
+                self.delivery = DeliveryId(1);
+                link.delivery_begin(DeliveryId(1), JobId(0));
             }
             if *byte == b'.' {
-                link.delivery_end(1, None, 0);
-                self.delivery = 0;
+                link.delivery_end(DeliveryId(1), None, 0);
+                self.delivery = DeliveryId(0);
             } else if link.delivery_room() > 0 {
-                link.deliver(1, &[*byte]);
+                link.deliver(DeliveryId(1), &[*byte]);
             } else {
                 link.note(NoteLevel::Error, 1, "lost");
             }
@@ -73,7 +74,7 @@ impl Converter for Relay {
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
         if job.kind == 1 {
-            link.request(9, 0, job.fields);
+            link.request(RequestId(9), 0, job.fields);
             link.job_done(job.job, 0);
             return;
         }
@@ -82,35 +83,36 @@ impl Converter for Relay {
         link.want(job.job, self.burst);
     }
 
-    fn job_data(&mut self, link: &mut Context<'_>, job: u32, bytes: &[u8]) {
+    fn job_data(&mut self, link: &mut Context<'_>, job: JobId, bytes: &[u8]) {
         self.sent += bytes.len() as u64;
         link.transmit(bytes);
         link.want(job, bytes.len() as u32);
     }
 
-    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
-        link.transmit_marked(1, &[]);
+    fn job_end(&mut self, link: &mut Context<'_>, _job: JobId) {
+        link.transmit_marked(MarkId(1), &[]);
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, _mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, _mark: MarkId, state: MarkState) {
         if state == MarkState::SurelyLeft {
             link.job_done(self.job, self.sent);
         }
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         link.discard();
         link.job_failed(job, Failure::Aborted, 0, 0);
     }
 
     fn save(&self, state: &mut StateWriter<'_>) {
-        state.u32(self.job);
+        state.u32(self.job.0);
         state.u64(self.sent);
-        state.u32(self.delivery);
+        state.u32(self.delivery.0);
     }
 
     fn restore(&mut self, _format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        (self.job, self.sent, self.delivery) = (state.u32(), state.u64(), state.u32());
+        (self.job, self.sent) = (JobId(state.u32()), state.u64());
+        self.delivery = DeliveryId(state.u32());
         Ok(())
     }
 }
@@ -124,10 +126,10 @@ fn a_job_leaves_at_the_lines_rate() {
     assert_eq!(bench.sent(), b"ABCDEF");
     assert_eq!(bench.link().waiting(), 2);
     bench.run_until(Micros(7_999));
-    assert_eq!(bench.link().job(), Some(1));
+    assert_eq!(bench.link().job(), Some(JobId(1)));
     bench.run_until(Micros(8_000));
     let last = bench.observed().last().unwrap();
-    assert_eq!(last, &(Micros(8_000), Observed::Done { job: 1, sent: 8 }));
+    assert_eq!(last, &(Micros(8_000), Observed::Done { job: JobId(1), sent: 8 }));
     assert_eq!(bench.send(b""), 2, "ids go up");
 }
 
@@ -192,15 +194,15 @@ fn the_host_can_do_anything_else() {
     let mut bench = Bench::<Relay>::new().open();
     bench.send(b"ABCDEFGH");
     bench.run_for_millis(2);
-    bench.host(|link, now, outside| link.abort(now, 1, outside));
+    bench.host(|link, now, outside| link.abort(now, JobId(1), outside));
     bench.run_for_millis(20);
     assert_eq!(bench.sent(), b"AB");
-    let aborted = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent: 0 };
+    let aborted = Observed::Failed { job: JobId(1), failure: Failure::Aborted, status: 0, sent: 0 };
     assert_eq!(bench.observed().last().unwrap().1, aborted);
 
     let fields = [0, 0, 1, 0, 1, 0, 1].to_vec();
     bench.begin_job(1, fields.clone(), b"");
-    let asked = Observed::Request { request: 9, kind: 0, fields: fields.clone() };
+    let asked = Observed::Request { request: RequestId(9), kind: 0, fields: fields.clone() };
     assert!(bench.observed().iter().any(|(_, seen)| *seen == asked));
     assert_eq!(Values::new(&fields).count(), 1);
 }

@@ -11,7 +11,7 @@ use softplug_abi::manifest::Manifest;
 use softplug_abi::{Failure, Instance, LineParameters, Micros};
 use softplug_interpreter::{Module, Room, Session};
 use softplug_link::{Job, LinkOptions, Observed, Recorder, VirtualLine};
-use softplug_plugin::{Converter, Native};
+use softplug_plugin::{Converter, JobId, Native};
 use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, OnceLock};
@@ -181,7 +181,7 @@ impl<I: Instance> Talk<I> {
         talk
     }
 
-    fn send(&mut self, job: u32, message: &[u8]) {
+    fn send(&mut self, job: JobId, message: &[u8]) {
         self.recorder.add_source(job, message.to_vec());
         let size = Some(message.len() as u64);
         let job = Job { id: job, kind: 0, size, fields: Vec::new(), check: false };
@@ -273,7 +273,7 @@ fn both(settings: &[(&str, &str)], play: impl Fn(&mut dyn Play)) {
 
 /// What a test does with a talk of either kind.
 trait Play {
-    fn send(&mut self, job: u32, message: &[u8]);
+    fn send(&mut self, job: JobId, message: &[u8]);
     fn say(&mut self, bytes: &[u8]);
     fn run(&mut self, millis: i64);
     fn partner(&mut self) -> &mut Partner;
@@ -282,7 +282,7 @@ trait Play {
 }
 
 impl<I: Instance> Play for Talk<I> {
-    fn send(&mut self, job: u32, message: &[u8]) {
+    fn send(&mut self, job: JobId, message: &[u8]) {
         self.send(job, message);
     }
     fn say(&mut self, bytes: &[u8]) {
@@ -314,7 +314,7 @@ fn the_frame_of_the_publication() {
     let partner = Partner::default();
     assert_eq!(partner.check(&[0x08, 0x09, 0x06, 0x00, 0x02, 0x04, 0x03]), [0xE0]);
     both(&[], |talk| {
-        talk.send(1, &[0x08, 0x09, 0x06, 0x00, 0x02, 0x04, 0x03]);
+        talk.send(JobId(1), &[0x08, 0x09, 0x06, 0x00, 0x02, 0x04, 0x03]);
         talk.run(100);
         let sent = [0x10, 0x02, 0x08, 0x09, 0x06, 0x00, 0x02, 0x04, 0x03, 0x10, 0x03, 0xE0];
         assert_eq!(talk.partner().heard, sent);
@@ -327,7 +327,7 @@ fn messages_go_and_come() {
     for check in ["bcc", "crc"] {
         both(&[("check", check)], |talk| {
             for number in 1..=3 {
-                talk.send(u32::from(number), &message(number));
+                talk.send(JobId(u32::from(number)), &message(number));
                 let frame = talk.partner().frame(&message(number));
                 talk.say(&frame);
                 talk.run(300);
@@ -356,7 +356,7 @@ fn what_is_refused_goes_again_and_what_is_not_answered_is_asked_for() {
     for (answers, frames, enquiries, end) in cases {
         both(&[("ack_time", "100")], |talk| {
             talk.partner().answers = answers.to_vec();
-            talk.send(1, &message(1));
+            talk.send(JobId(1), &message(1));
             talk.run(2_000);
             assert_eq!(talk.partner().messages.len(), frames, "{answers:?}");
             assert_eq!(talk.partner().symbols, vec![0x05; enquiries], "{answers:?}");
@@ -393,7 +393,7 @@ fn jobs_that_are_no_message_fail() {
         (9_000, Some(Failure::TooLong)),
     ] {
         both(&[], |talk| {
-            talk.send(1, &vec![DLE; length]);
+            talk.send(JobId(1), &vec![DLE; length]);
             talk.run(400);
             assert_eq!(talk.ends(), [end], "{length}");
         });
@@ -420,7 +420,7 @@ proptest! {
                 && talk.ends().len() == ours.len() - waiting.len()
                 && let Some((own, length)) = waiting.next()
             {
-                talk.send(own as u32 + 1, &text(own, *length));
+                talk.send(JobId(own as u32 + 1), &text(own, *length));
             }
             talk.run(*pause);
             let frame = talk.partner.frame(&text(number, *length));
@@ -428,7 +428,7 @@ proptest! {
         }
         for (own, length) in waiting {
             talk.run(500);
-            talk.send(own as u32 + 1, &text(own, *length));
+            talk.send(JobId(own as u32 + 1), &text(own, *length));
         }
         talk.run(500);
         prop_assert_eq!(talk.ends(), vec![None; ours.len()]);

@@ -2,7 +2,7 @@
 
 use softplug_plugin::bench::{Bench, Observed};
 use softplug_plugin::parts::{Answers, BlockSender};
-use softplug_plugin::{Context, Converter, Failure, JobStart, State, parts, state_format};
+use softplug_plugin::{Context, Converter, Failure, JobId, JobStart, State, parts, state_format};
 
 /// Sends all of a job as one block, and answers each character that comes with ACK, but not inside the block. ETX
 /// cuts the block.
@@ -82,7 +82,7 @@ fn a_block_is_longer_than_the_output_of_an_event() {
         bench.send(&data);
         bench.run_for_millis(9_000);
         assert_eq!(bench.sent(), framed(&data), "room {room}");
-        let done = Observed::Done { job: 1, sent: 5_902 };
+        let done = Observed::Done { job: JobId(1), sent: 5_902 };
         assert!(bench.observed().iter().any(|(_, seen)| *seen == done), "room {room}");
     }
 }
@@ -121,7 +121,7 @@ fn a_block_that_is_cut_fails_when_what_was_given_has_left() {
         let sent = bench.sent();
         assert!(framed(&data).starts_with(&sent), "room {room}");
         let failed = Observed::Failed {
-            job: 1,
+            job: JobId(1),
             failure: Failure::Refused,
             status: 0,
             sent: sent.len() as u64,

@@ -3,8 +3,8 @@
 use softplug_abi::{Action, Actions, Event, Instance, MarkState, Micros, Refusal, Values};
 use softplug_plugin::export::{Buffers, Cell};
 use softplug_plugin::{
-    Context, Converter, LineParameters, Native, NativeFault, NoteLevel, Opening, StateError,
-    StateReader, StateWriter,
+    Context, Converter, DeliveryId, JobId, LineParameters, MarkId, Native, NativeFault, NoteLevel,
+    Opening, StateError, StateReader, StateWriter,
 };
 
 /// Does what it receives, and has a state of any length.
@@ -32,11 +32,11 @@ impl Converter for Probe {
             b"transmit" => link.transmit(&[b'x'; 65]),
             b"transmit in two" => {
                 link.transmit(&[b'x'; 60]);
-                link.transmit_marked(1, b"12345");
+                link.transmit_marked(MarkId(1), b"12345");
             }
             b"deliver" => {
-                link.delivery_begin(1, 0);
-                link.deliver(1, &[b'x'; 33]);
+                link.delivery_begin(DeliveryId(1), JobId(0));
+                link.deliver(DeliveryId(1), &[b'x'; 33]);
             }
             b"flood" => (0..5_000).for_each(|_| link.hold()),
             b"fill" => {
@@ -53,8 +53,8 @@ impl Converter for Probe {
                 link.note(NoteLevel::Info, 0, &format!("x{}", "é".repeat(150)));
                 link.state(&"€".repeat(20));
                 link.state(&format!("xx{}", "€".repeat(20)));
-                link.delivery_name(1, &"𝄞".repeat(40));
-                link.delivery_name(1, &format!("x{}", "𝄞".repeat(40)));
+                link.delivery_name(DeliveryId(1), &"𝄞".repeat(40));
+                link.delivery_name(DeliveryId(1), &format!("x{}", "𝄞".repeat(40)));
             }
             _ => self.state = bytes.iter().copied().cycle().take(bytes.len() * 100).collect(),
         }
@@ -163,10 +163,10 @@ fn malformed_events_are_refused_and_change_nothing() {
     let values = || Values::new(&broken);
     let events = [
         Event::Received(&[]),
-        Event::Mark { mark: 0, state: MarkState::SurelyLeft },
+        Event::Mark { mark: MarkId(0), state: MarkState::SurelyLeft },
         Event::Timer { id: 16, deadline: Micros::ZERO },
-        Event::JobData { job: 1, bytes: &[] },
-        Event::JobEnd { job: 0 },
+        Event::JobData { job: JobId(1), bytes: &[] },
+        Event::JobEnd { job: JobId(0) },
         Event::Restore { format: 3, offset: 2, total: 2, bytes: &[1] },
         Event::Settings { first: true, last: true, values: values() },
     ];
@@ -229,7 +229,7 @@ fn a_save_that_is_cut_off_leaves_nothing_behind() {
     native.step(&Event::Received(b"again"), Micros::ZERO).unwrap();
     let output = native.step(&Event::Continue, Micros::ZERO).unwrap();
     let actions: Vec<_> = Actions::new(output.actions).collect();
-    assert_eq!(actions, [Ok(Action::Transmit { mark: 0, bytes: &[2] })]);
+    assert_eq!(actions, [Ok(Action::Transmit { mark: MarkId(0), bytes: &[2] })]);
 }
 
 #[test]

@@ -5,8 +5,8 @@ use softplug_link::Observed;
 use softplug_plugin::bench::Bench;
 use softplug_plugin::parts::{Answers, Block, BlockSender};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineParameters, LinkDownReason, Micros, State, parts,
-    state_format,
+    Context, Converter, Failure, JobId, JobStart, LineParameters, LinkDownReason, Micros, State,
+    parts, state_format,
 };
 
 const DLE: u8 = 0x10;
@@ -50,7 +50,7 @@ impl Converter for Frames {
         }
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn abort(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.sender.cut(link, Failure::Aborted);
     }
 
@@ -141,7 +141,7 @@ proptest! {
         let (whole, part, answers) = read(&line);
         prop_assert_eq!((whole, part, answers), (data, 0, pauses.len()));
         let sent = (line.len() - 2 * answers) as u64;
-        prop_assert_eq!(job_end(&bench), Some(Observed::Done { job: 1, sent }));
+        prop_assert_eq!(job_end(&bench), Some(Observed::Done { job: JobId(1), sent }));
     }
 
     #[test]
@@ -172,7 +172,7 @@ proptest! {
         bench.send(&data);
         bench.run_for_millis(pause);
         bench.receive(&vec![ENQ; asked]);
-        bench.host(|link, now, host| link.abort(now, 1, host));
+        bench.host(|link, now, host| link.abort(now, JobId(1), host));
         bench.run_for_millis(2_000);
         let line = bench.sent();
         // It can be read, whatever was cut.
@@ -180,8 +180,8 @@ proptest! {
         prop_assert_eq!(answers, asked);
         let sent = (line.len() - 2 * answers) as u64;
         let end = job_end(&bench);
-        let aborted = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent };
-        prop_assert!(end == Some(aborted) || end == Some(Observed::Done { job: 1, sent }), "{end:?} {sent}");
+        let aborted = Observed::Failed { job: JobId(1), failure: Failure::Aborted, status: 0, sent };
+        prop_assert!(end == Some(aborted) || end == Some(Observed::Done { job: JobId(1), sent }), "{end:?} {sent}");
     }
 
     #[test]
@@ -193,7 +193,7 @@ proptest! {
         let mut bench = bench(9_600, 16, 128);
         bench.send(&data);
         bench.run_for_millis(pause);
-        bench.host(|link, now, host| link.abort(now, 1, host));
+        bench.host(|link, now, host| link.abort(now, JobId(1), host));
         bench.run_for_millis(wait);
         bench.host(|link, now, host| link.link_down(now, LinkDownReason::Unplugged, host));
         bench.run_for_millis(100);
@@ -202,8 +202,8 @@ proptest! {
         bench.run_for_millis(2_000);
         // What the port had leaves, and was counted.
         let sent = bench.sent().len() as u64;
-        let aborted = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent };
-        prop_assert!(end == Some(aborted) || end == Some(Observed::Done { job: 1, sent }), "{end:?} {sent}");
+        let aborted = Observed::Failed { job: JobId(1), failure: Failure::Aborted, status: 0, sent };
+        prop_assert!(end == Some(aborted) || end == Some(Observed::Done { job: JobId(1), sent }), "{end:?} {sent}");
     }
 
     #[test]
@@ -224,21 +224,21 @@ proptest! {
         bench.run_for_millis(pause);
         if is_opened_anew {
             bench.receive(&[ENQ; 3]);
-            bench.host(|link, now, host| link.abort(now, 1, host));
+            bench.host(|link, now, host| link.abort(now, JobId(1), host));
             bench.run_for_millis(2_000);
             prop_assert_eq!(read(&bench.sent()).2, 3, "answers are spared");
             return Ok(());
         }
         bench.host(|link, now, host| link.link_down(now, LinkDownReason::Unplugged, host));
         bench.swap();
-        bench.host(|link, now, host| link.abort(now, 1, host));
+        bench.host(|link, now, host| link.abort(now, JobId(1), host));
         bench.run_for_millis(100);
         let end = job_end(&bench);
         bench.host(|link, now, host| link.link_up(now, host));
         bench.run_for_millis(2_000);
         let sent = bench.sent().len() as u64;
-        let aborted = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent };
-        prop_assert!(end == Some(aborted) || end == Some(Observed::Done { job: 1, sent }), "{end:?} {sent}");
+        let aborted = Observed::Failed { job: JobId(1), failure: Failure::Aborted, status: 0, sent };
+        prop_assert!(end == Some(aborted) || end == Some(Observed::Done { job: JobId(1), sent }), "{end:?} {sent}");
     }
 
     #[test]
@@ -256,7 +256,7 @@ proptest! {
                 bench.receive(&[ENQ; 3]);
             }
             bench.run_for_millis(abort);
-            bench.host(|link, now, host| link.abort(now, 1, host));
+            bench.host(|link, now, host| link.abort(now, JobId(1), host));
             bench.run_for_millis(2_000);
             // It can be read in any room, and no answer is lost.
             prop_assert_eq!(read(&bench.sent()).2, 3 * pauses.len());
@@ -330,7 +330,7 @@ impl Converter for Plain {
         self.is_given = false;
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn abort(&mut self, link: &mut Context<'_>, _job: JobId) {
         self.sender.stop(link, Failure::Aborted);
     }
 
@@ -371,15 +371,15 @@ proptest! {
             bench.swap();
         }
         if is_aborted {
-            bench.host(|link, now, host| link.abort(now, 1, host));
+            bench.host(|link, now, host| link.abort(now, JobId(1), host));
         }
         bench.run_for_millis(1_000);
         let line = bench.sent();
         prop_assert_eq!(&line[..], &data[..line.len()]);
         let sent = line.len() as u64;
         let ends: Vec<_> = bench.observed().iter().map(|(_, seen)| seen.clone()).collect();
-        let failed = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent };
-        let done = Observed::Done { job: 1, sent };
+        let failed = Observed::Failed { job: JobId(1), failure: Failure::Aborted, status: 0, sent };
+        let done = Observed::Done { job: JobId(1), sent };
         let is_done = ends.contains(&done) && line.len() == data.len();
         prop_assert!(is_done || (is_aborted && ends.contains(&failed)), "{ends:?}");
     }

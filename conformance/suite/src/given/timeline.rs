@@ -4,7 +4,7 @@ use super::case::Case;
 use super::fields::records;
 use super::lines::{bad_kind, down_reason, line_error, line_parameters, modem_lines};
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Failure, LineErrorKind, LinkDownReason, Micros, ModemLines};
+use softplug_abi::{Failure, JobId, LineErrorKind, LinkDownReason, Micros, ModemLines};
 use softplug_link::Job;
 use softplug_trace::{Drain, HostRequest, LineEvent, PayloadError, Piece, What, When};
 
@@ -197,7 +197,7 @@ fn of_host(case: &Case, manifest: &Manifest, request: &HostRequest) -> Result<As
                 .job_kind(kind)
                 .ok_or_else(|| format!("the plug-in takes no job of kind \"{kind}\""))?;
             let job = Job {
-                id: *id,
+                id: JobId(*id),
                 kind: place,
                 size: Some(data.len() as u64),
                 fields: records(&manifest.jobs[usize::from(place)], fields)?,

@@ -138,23 +138,23 @@ impl Effect {
             Observed::Break(micros) => Self::Break(micros),
             Observed::ModemLines(mask, on) => Self::Lines(mask, on),
             Observed::Delivery(delivery) => Self::Deliver(Delivered {
-                id: delivery.id,
+                id: delivery.id.0,
                 bytes: delivery.bytes,
                 failure: delivery.failure,
                 status: delivery.status,
                 name: delivery.name,
             }),
-            Observed::Done { job, sent } => Self::Done { id: job, sent: Some(sent) },
+            Observed::Done { job, sent } => Self::Done { id: job.0, sent: Some(sent) },
             Observed::Failed { job, failure, status, sent } => {
-                Self::Fail { id: job, failure, status, sent: Some(sent) }
+                Self::Fail { id: job.0, failure, status, sent: Some(sent) }
             }
             Observed::Checked { job, failure, status, line, column } => {
-                Self::Check { id: job, failure, status, line, column }
+                Self::Check { id: job.0, failure, status, line, column }
             }
             Observed::Request { request, kind, fields } => {
-                Self::Request { id: request, kind, fields }
+                Self::Request { id: request.0, kind, fields }
             }
-            Observed::Withdraw(request) => Self::Withdraw(request),
+            Observed::Withdraw(request) => Self::Withdraw(request.0),
             Observed::Hold | Observed::Release | Observed::Note(..) | Observed::State(_) => {
                 return None;
             }

@@ -7,7 +7,7 @@ use super::subject::{Fuel, Subject};
 use super::watched::{Meter, Watched};
 use crate::given::case::Case;
 use crate::given::timeline::micros;
-use softplug_abi::{Event, EventKind, Micros, Pass};
+use softplug_abi::{DeliveryId, Event, EventKind, JobId, Micros, Pass, RequestId};
 use softplug_link::{Recorder, Rerun, UnderWay};
 use softplug_trace::{Assignment, Entry, Exact, What};
 use std::rc::Rc;
@@ -80,7 +80,7 @@ fn under_way(facts: &[Assignment]) -> Result<UnderWay, String> {
             value.parse::<u32>().map_err(|_| format!("under-way: {name} is no number: \"{value}\""))
         };
         match name.as_str() {
-            "job" => known.job = Some((number()?, pass)),
+            "job" => known.job = Some((JobId(number()?), pass)),
             "pass" => {
                 pass = match value.as_str() {
                     "run" => Pass::Run,
@@ -89,10 +89,11 @@ fn under_way(facts: &[Assignment]) -> Result<UnderWay, String> {
                 };
                 known.job = known.job.map(|(job, _)| (job, pass));
             }
-            "delivery" => known.delivery = Some(number()?),
+            "delivery" => known.delivery = Some(DeliveryId(number()?)),
             "marks" => known.marks = number()?,
             "requests" => {
-                let ids: Result<_, _> = value.split(',').map(str::parse).collect();
+                let ids: Result<_, _> =
+                    value.split(',').map(|id| id.parse().map(RequestId)).collect();
                 known.requests = ids.map_err(|_| {
                     format!("under-way: requests are numbers with commas between, not \"{value}\"")
                 })?;

@@ -296,7 +296,7 @@ fn request() -> Script {
         let fields = Values::new(&fields);
         play.equal("the request's kind", 0, kind)?;
         play.equal("the number asked for", Some(Value::Int(1_234)), fields.find(1))?;
-        play.answer(request, Ok(&[]))?;
+        play.answer(request.0, Ok(&[]))?;
         let program = program(20);
         let job = play.send(program.as_bytes())?;
         let end = play.end_of(job, HOUR)?;

@@ -10,7 +10,7 @@ use crate::run::outcome::Seen;
 use crate::run::subject::{Fuel, SubjectError};
 use crate::run::watched::{Meter, Watched};
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Failure, Micros};
+use softplug_abi::{Failure, JobId, Micros, RequestId};
 use softplug_link::{Delivery, Job, LinkFault, Observed, Recorder};
 use softplug_machines::Partner;
 use softplug_trial::ClosedLoop;
@@ -99,10 +99,10 @@ impl<'a, P: Partner> Play<'a, P> {
             .map_err(|error| not_applicable(&error))?;
         self.jobs += 1;
         let id = self.jobs;
-        self.host.add_source(id, data.to_vec());
+        self.host.add_source(JobId(id), data.to_vec());
         let size = Some(data.len() as u64);
         let check = manifest.needs.check_pass;
-        let job = Job { id, kind: place as u16, size, fields, check };
+        let job = Job { id: JobId(id), kind: place as u16, size, fields, check };
         let begun = self.line.line.link.begin_job(self.line.now(), job, &mut self.host);
         self.judged(begun)?;
         self.settle()?;
@@ -112,7 +112,7 @@ impl<'a, P: Partner> Play<'a, P> {
     /// The host gives a job up.
     pub(super) fn abort(&mut self, job: u32) -> Outcome {
         let now = self.line.now();
-        let aborted = self.line.line.link.abort(now, job, &mut self.host);
+        let aborted = self.line.line.link.abort(now, JobId(job), &mut self.host);
         self.judged(aborted)?;
         self.settle()
     }
@@ -120,7 +120,7 @@ impl<'a, P: Partner> Play<'a, P> {
     /// Answers a request of the plug-in.
     pub(super) fn answer(&mut self, request: u32, answer: Result<&[u8], Failure>) -> Outcome {
         let now = self.line.now();
-        let answered = self.line.line.link.answer(now, request, answer, &mut self.host);
+        let answered = self.line.line.link.answer(now, RequestId(request), answer, &mut self.host);
         self.judged(answered)?;
         self.settle()
     }
@@ -202,11 +202,13 @@ impl<'a, P: Partner> Play<'a, P> {
     /// How the job ended, if it has.
     pub(super) fn ended(&self, wanted: u32) -> Option<End> {
         self.host.observed.iter().rev().find_map(|(_, observed)| match observed {
-            Observed::Done { job, sent } if *job == wanted => Some(Ok(*sent)),
-            Observed::Failed { job, failure, status, .. } if *job == wanted => {
+            Observed::Done { job, sent } if *job == JobId(wanted) => Some(Ok(*sent)),
+            Observed::Failed { job, failure, status, .. } if *job == JobId(wanted) => {
                 Some(Err((*failure, *status)))
             }
-            Observed::Checked { job, failure: Some(failure), status, .. } if *job == wanted => {
+            Observed::Checked { job, failure: Some(failure), status, .. }
+                if *job == JobId(wanted) =>
+            {
                 Some(Err((*failure, *status)))
             }
             _ => None,

@@ -157,7 +157,7 @@ fn serve(play: &mut Play<'_, Computer>, memory: &mut [u8], answered: &mut usize)
     *answered += asked.len();
     for (request, kind, fields) in asked {
         let answer = answer(play, memory, kind, &fields);
-        play.answer(request, answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure))?;
+        play.answer(request.0, answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure))?;
     }
     Ok(())
 }

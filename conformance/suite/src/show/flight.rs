@@ -199,25 +199,25 @@ impl<'a> Flight<'a> {
             }
             Event::LinkDown(reason) => What::Line(LineEvent::Down(down_reason_name(*reason))),
             Event::LinkUp => What::Line(LineEvent::Up),
-            Event::JobBegin { job, kind, fields, .. } => return self.job(at, *job, *kind, fields),
+            Event::JobBegin { job, kind, fields, .. } => return self.job(at, job.0, *kind, fields),
             Event::JobData { job, bytes } => {
-                if let Some(job) = self.jobs.iter_mut().find(|known| known.id == *job) {
+                if let Some(job) = self.jobs.iter_mut().find(|known| known.id == job.0) {
                     job.pass.extend_from_slice(bytes);
                 }
                 return Ok(());
             }
             Event::JobEnd { job } => {
-                if let Some(job) = self.jobs.iter_mut().find(|known| known.id == *job) {
+                if let Some(job) = self.jobs.iter_mut().find(|known| known.id == job.0) {
                     job.is_whole = true;
                 }
                 return Ok(());
             }
-            Event::Pause { job } => What::Host(HostRequest::Pause(*job)),
-            Event::Resume { job } => What::Host(HostRequest::Resume(*job)),
-            Event::Abort { job } => What::Host(HostRequest::Abort(*job)),
+            Event::Pause { job } => What::Host(HostRequest::Pause(job.0)),
+            Event::Resume { job } => What::Host(HostRequest::Resume(job.0)),
+            Event::Abort { job } => What::Host(HostRequest::Abort(job.0)),
             Event::ForceResume => What::Host(HostRequest::ForceResume),
             Event::Answer { request, refused, more, bytes } => {
-                return self.answer(at, *request, refused.map(Failure::name), *more, bytes);
+                return self.answer(at, request.0, refused.map(Failure::name), *more, bytes);
             }
             Event::Open { .. } => What::Host(HostRequest::Open),
             Event::Close => What::Host(HostRequest::Close),

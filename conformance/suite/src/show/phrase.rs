@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use softplug_abi::manifest::{Kind, Manifest};
-use softplug_abi::{Action, Event, Micros, ModemLines, Parity, Pass};
+use softplug_abi::{Action, Event, JobId, MarkId, Micros, ModemLines, Parity, Pass};
 use std::fmt::Write as _;
 
 /// Who is at the other end of an event or an action.
@@ -97,7 +97,7 @@ impl Phrase {
             }
             Event::JobData { job, bytes } => host(format!("data of job {job}")).with(bytes),
             Event::JobEnd { job } => host(format!("end of job {job}'s data")),
-            Event::Abort { job: 0 } => host("abort the delivery".to_owned()),
+            Event::Abort { job: JobId::NONE } => host("abort the delivery".to_owned()),
             Event::Pause { job } | Event::Resume { job } | Event::Abort { job } => {
                 host(format!("{name} job {job}"))
             }
@@ -122,7 +122,9 @@ impl Phrase {
         let line = |text: String| Self::new(Other::Line, text);
         let host = |text: String| Self::new(Other::Host, text);
         let link = |text: String| Self::new(Other::Link, text);
-        let marked = |mark: &u32| if *mark == 0 { String::new() } else { format!(", mark {mark}") };
+        let marked = |mark: &MarkId| {
+            if *mark == MarkId::NONE { String::new() } else { format!(", mark {mark}") }
+        };
         match action {
             Action::Transmit { mark, bytes } => {
                 line(format!("transmit{}", marked(mark))).with(bytes)
@@ -140,7 +142,7 @@ impl Phrase {
             }
             Action::CancelTimer { id } => link(format!("cancel timer {id}")),
             Action::Want { job, bytes } => host(format!("want {bytes} bytes of job {job}")),
-            Action::DeliveryBegin { delivery, job: 0 } => {
+            Action::DeliveryBegin { delivery, job: JobId::NONE } => {
                 host(format!("delivery {delivery} begins"))
             }
             Action::DeliveryBegin { delivery, job } => {

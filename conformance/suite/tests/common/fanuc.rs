@@ -2,7 +2,7 @@
 #![allow(dead_code)] // Each test file uses a part of it.
 
 use softplug_abi::manifest::{Manifest, SettingValues};
-use softplug_abi::{Failure, Micros, ModemLines};
+use softplug_abi::{Failure, JobId, Micros, ModemLines};
 use softplug_link::{Delivery, Job, LinkOptions, Observed, Recorder};
 use softplug_machines::fanuc::{
     Code, Control, Options, Parity, Press, Report, eight_none_two, seven_even_two,
@@ -72,9 +72,9 @@ impl Bench {
     pub(crate) fn send(&mut self, program: &str) -> u32 {
         self.jobs += 1;
         let id = self.jobs;
-        self.host.add_source(id, program.into());
+        self.host.add_source(JobId(id), program.into());
         let size = Some(program.len() as u64);
-        let job = Job { id, kind: 0, size, fields: Vec::new(), check: true };
+        let job = Job { id: JobId(id), kind: 0, size, fields: Vec::new(), check: true };
         self.line.line.link.begin_job(self.line.now(), job, &mut self.host).unwrap();
         self.line.settle(&mut self.host).unwrap();
         id
@@ -113,11 +113,11 @@ impl Bench {
 
     fn ended(&self, wanted: u32) -> Option<Result<u64, (Failure, u64)>> {
         self.host.observed.iter().rev().find_map(|(_, observed)| match observed {
-            Observed::Done { job, sent } if *job == wanted => Some(Ok(*sent)),
-            Observed::Failed { job, failure, sent, .. } if *job == wanted => {
+            Observed::Done { job, sent } if *job == JobId(wanted) => Some(Ok(*sent)),
+            Observed::Failed { job, failure, sent, .. } if *job == JobId(wanted) => {
                 Some(Err((*failure, *sent)))
             }
-            Observed::Checked { job, failure: Some(failure), .. } if *job == wanted => {
+            Observed::Checked { job, failure: Some(failure), .. } if *job == JobId(wanted) => {
                 Some(Err((*failure, 0)))
             }
             _ => None,

@@ -3,7 +3,7 @@
 #![allow(dead_code)] // Each test file uses a part of it.
 
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Action, Failure, Micros};
+use softplug_abi::{Action, Failure, JobId, Micros, RequestId};
 use softplug_link::{Job, LinkHost, LinkOptions, Supply, VirtualLine};
 use softplug_machines::{Partner, Signal};
 use softplug_native::{NativeInstance, NativePlugin};
@@ -89,7 +89,7 @@ pub(crate) struct Delivered {
 /// A request of the plug-in.
 #[derive(Clone, Debug)]
 pub(crate) struct Asked {
-    pub(crate) request: u32,
+    pub(crate) request: RequestId,
     pub(crate) kind: u16,
     pub(crate) fields: Vec<u8>,
 }
@@ -121,7 +121,7 @@ pub(crate) struct Host {
 impl LinkHost for Host {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         match action {
-            Action::DeliveryBegin { job, .. } => self.open = Some((*job, Vec::new())),
+            Action::DeliveryBegin { job, .. } => self.open = Some((job.0, Vec::new())),
             Action::Deliver { bytes, .. } => {
                 self.to_put_away.push_back((now + self.put_away_after, bytes.len() as u32));
                 if let Some((_, data)) = &mut self.open {
@@ -146,7 +146,7 @@ impl LinkHost for Host {
         }
     }
 
-    fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _job: JobId, buffer: &mut [u8]) -> Supply {
         let Some(job) = self.jobs.last() else { return Supply::End };
         let rest = &job.data[self.at..];
         let most = if self.piece == 0 { usize::MAX } else { self.piece };
@@ -253,8 +253,8 @@ impl PluginEnd {
     }
 
     /// Answers a request when time goes on.
-    pub(crate) fn answer(&mut self, request: u32, answer: Result<Vec<u8>, Failure>) {
-        self.answers.push_back((request, answer));
+    pub(crate) fn answer(&mut self, request: RequestId, answer: Result<Vec<u8>, Failure>) {
+        self.answers.push_back((request.0, answer));
     }
 
     /// Whether no job waits or is under way and no timer runs.
@@ -318,7 +318,7 @@ impl PluginEnd {
             result: None,
         });
         self.host.at = 0;
-        let job = Job { id, kind, size, fields, check: false };
+        let job = Job { id: JobId(id), kind, size, fields, check: false };
         self.line.link.begin_job(now, job, &mut self.host).unwrap_or_else(|f| panic!("{f}"));
     }
 }
@@ -380,7 +380,7 @@ impl Partner for PluginEnd {
             let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);
             self.line
                 .link
-                .answer(now, request, answer, &mut self.host)
+                .answer(now, RequestId(request), answer, &mut self.host)
                 .unwrap_or_else(|fault| panic!("{fault}"));
         }
         self.begin_job(now);

@@ -1,6 +1,6 @@
 //! READ: programs to the control.
 
-use softplug_abi::{Failure, Micros};
+use softplug_abi::{Failure, JobId, Micros};
 use softplug_machines::fanuc::{Eob, Options, Press, TvCheck, seven_even_two};
 
 use crate::fanuc::{Bench, Settings, codings, program, text_of};
@@ -212,7 +212,7 @@ fn an_aborted_job_leaves_nothing_behind() {
     bench.press(Press::Read);
     bench.run_to(700);
     let now = bench.line.now();
-    bench.line.line.link.abort(now, job, &mut bench.host).unwrap();
+    bench.line.line.link.abort(now, JobId(job), &mut bench.host).unwrap();
     bench.line.settle(&mut bench.host).unwrap();
     let (why, sent) = bench.end_of(job).expect_err("it was aborted");
     assert_eq!(why, Failure::Aborted);

@@ -1,7 +1,9 @@
 //! The reference plug-ins with one thing wrong about them.
 
 use crate::common::native;
-use softplug_abi::{Action, ActionWriter, Actions, Event, EventKind, Instance, Micros, Output};
+use softplug_abi::{
+    Action, ActionWriter, Actions, Event, EventKind, Instance, MarkId, Micros, Output,
+};
 use softplug_conformance::script::Script;
 use softplug_conformance::{Class, FaultClass, FromFn, Subject};
 
@@ -156,7 +158,7 @@ fn spoil(wrong: Wrong, action: &Action<'_>, writer: &mut ActionWriter<'_>) {
         }
         Action::TransmitUrgent { .. } if wrong == Wrong::Mute => {}
         Action::Transmit { mark, bytes } if wrong == Wrong::Doubled => {
-            push(&Action::Transmit { mark: 0, bytes });
+            push(&Action::Transmit { mark: MarkId(0), bytes });
             push(&Action::Transmit { mark, bytes });
         }
         Action::Transmit { mark, bytes } if wrong == Wrong::Altered => {
@@ -164,7 +166,7 @@ fn spoil(wrong: Wrong, action: &Action<'_>, writer: &mut ActionWriter<'_>) {
         }
         Action::Transmit { mark, .. } if wrong == Wrong::Greedy => {
             for _ in 0..40 {
-                push(&Action::Transmit { mark: 0, bytes: &[b'X'; 2_000] });
+                push(&Action::Transmit { mark: MarkId(0), bytes: &[b'X'; 2_000] });
             }
             push(&Action::Transmit { mark, bytes: &[] });
         }

@@ -8,7 +8,7 @@ use crate::state::State;
 use crate::tape::{Encoder, MOST_PER_BYTE, Setup};
 use crate::timer::Timer;
 use queue::PIECE;
-use softplug_plugin::{Context, Failure, JobStart, MarkState, Pass};
+use softplug_plugin::{Context, Failure, JobId, JobStart, MarkId, MarkState, Pass};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Timer: no DC1 since the job began, DC3 for too long, or no final DC3.
@@ -114,7 +114,7 @@ impl Feed {
         };
         let status = refusal.map_or(0, |failure| self.encoder.status(failure));
         // Without a check it would be known too late that the block is not there.
-        let is_blind = !is_check && self.encoder.seeks() && self.checked != job.job;
+        let is_blind = !is_check && self.encoder.seeks() && self.checked != job.job.0;
         if let Some(failure) = refusal.or(is_blind.then_some(Failure::BadJob)) {
             if is_check {
                 link.check_failed_with(job.job, failure, status, 0, 0);
@@ -123,7 +123,7 @@ impl Feed {
             }
             return;
         }
-        self.job = job.job;
+        self.job = job.job.0;
         self.wanted = 0;
         if is_check {
             self.stage = Stage::Checking;
@@ -207,11 +207,11 @@ impl Feed {
         match result {
             Ok(()) => {
                 self.checked = self.job;
-                link.check_good(self.job);
+                link.check_good(JobId(self.job));
             }
             Err(failure) => {
                 let status = self.encoder.status(failure);
-                link.check_failed_with(self.job, failure, status, line, column);
+                link.check_failed_with(JobId(self.job), failure, status, line, column);
             }
         }
     }
@@ -253,12 +253,12 @@ impl Feed {
                 return;
             }
             self.mark = self.mark.wrapping_add(2).max(2);
-            link.transmit_marked(self.mark, &[]);
+            link.transmit_marked(MarkId(self.mark), &[]);
             self.nuls = settings.trailer as u32;
             self.stage = Stage::Trailing;
         }
         if self.stage == Stage::Trailing && self.queue_nuls(link) {
-            link.transmit_marked(self.mark.wrapping_add(1), &[]);
+            link.transmit_marked(MarkId(self.mark.wrapping_add(1)), &[]);
             self.stage = Stage::Draining;
         }
     }
@@ -275,7 +275,7 @@ impl Feed {
     fn ask(&mut self, link: &mut Context<'_>, most: u32) {
         // Small requests would make many small events.
         if most > self.wanted && (most - self.wanted >= most / 4 || self.wanted == 0) {
-            link.want(self.job, most - self.wanted);
+            link.want(JobId(self.job), most - self.wanted);
             self.wanted = most;
         }
     }
@@ -286,14 +286,14 @@ impl Feed {
         &mut self,
         link: &mut Context<'_>,
         settings: &Setup,
-        mark: u32,
+        mark: MarkId,
         state: MarkState,
     ) {
         let is_queued = matches!(self.stage, Stage::Trailing | Stage::Draining);
-        if mark == self.mark && is_queued && state == MarkState::MaybeLeft {
+        if mark == MarkId(self.mark) && is_queued && state == MarkState::MaybeLeft {
             self.is_read = true;
         }
-        let is_last = mark == self.mark.wrapping_add(1) && self.stage == Stage::Draining;
+        let is_last = mark == MarkId(self.mark.wrapping_add(1)) && self.stage == Stage::Draining;
         if !is_last || state != MarkState::SurelyLeft {
             return;
         }
@@ -320,7 +320,7 @@ impl Feed {
             Stage::Idle | Stage::Stopping => {}
             Stage::Checking => {
                 self.stage = Stage::Idle;
-                link.job_failed(self.job, failure.unwrap_or(Failure::Internal), 0, 0);
+                link.job_failed(JobId(self.job), failure.unwrap_or(Failure::Internal), 0, 0);
             }
             _ => {
                 self.stage = Stage::Stopping;
@@ -344,8 +344,8 @@ impl Feed {
         }
         let sent = self.queued.saturating_sub(u64::from(bytes));
         match self.failure.failure() {
-            Some(failure) => link.job_failed(self.job, failure, 0, sent),
-            None => link.job_done(self.job, sent),
+            Some(failure) => link.job_failed(JobId(self.job), failure, 0, sent),
+            None => link.job_done(JobId(self.job), sent),
         }
         self.stage = Stage::Idle;
         self.is_paused = false;

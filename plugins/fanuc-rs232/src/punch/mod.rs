@@ -16,12 +16,12 @@ use crate::state::State;
 use crate::timer::Timer;
 use crate::{CAPTURE, ReceiveCode, SendCode, Settings};
 use flow::Flow;
-use softplug_plugin::{Context, Failure, LineErrorKind, MarkState};
+use softplug_plugin::{Context, Failure, LineErrorKind, MarkId, MarkState};
 use text::Text;
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Mark on our answer to DC2: the feed counts its own from 1.
-const ANSWER: u32 = u32::MAX;
+const ANSWER: MarkId = MarkId(u32::MAX);
 
 /// How far a capture is.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
@@ -155,7 +155,7 @@ impl Punch {
     }
 
     /// News of a mark that may be that on our answer.
-    pub(crate) fn mark(&mut self, mark: u32, state: MarkState) {
+    pub(crate) fn mark(&mut self, mark: MarkId, state: MarkState) {
         self.is_answering &= mark != ANSWER || state == MarkState::MaybeLeft;
     }
 

@@ -5,7 +5,7 @@ use super::Title;
 use crate::reason::Reason;
 use crate::request::Requests;
 use crate::{LineEnd, OnLineError, Programs, Settings};
-use softplug_plugin::{Context, Failure, NoteLevel};
+use softplug_plugin::{Context, DeliveryId, Failure, JobId, NoteLevel};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Characters that are handed over together.
@@ -59,7 +59,7 @@ impl Text {
         self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
         self.delivery = self.last_delivery;
         self.named = 0;
-        link.delivery_begin(self.delivery, 0);
+        link.delivery_begin(DeliveryId(self.delivery), JobId(0));
         self.put(link, b'%');
     }
 
@@ -190,7 +190,7 @@ impl Text {
         let is_lost = fitting < usize::from(self.filled);
         self.filled = 0;
         if fitting > 0 {
-            link.deliver(self.delivery, self.piece.get(..fitting).unwrap_or_default());
+            link.deliver(DeliveryId(self.delivery), self.piece.get(..fitting).unwrap_or_default());
         }
         if is_lost && !self.failure.is(Failure::Overrun) {
             self.lost();
@@ -227,7 +227,7 @@ impl Text {
         self.flush(link);
         let failure = self.failure.failure().or(failure);
         self.give_name(link);
-        link.delivery_end(self.delivery, failure, 0);
+        link.delivery_end(DeliveryId(self.delivery), failure, 0);
         self.delivery = 0;
         if failure.is_none() {
             requests.look(link, settings, &self.title);
@@ -240,7 +240,7 @@ impl Text {
         let (rank, name) = self.title.name();
         if rank > self.named {
             self.named = rank;
-            link.delivery_name_ascii(self.delivery, name);
+            link.delivery_name_ascii(DeliveryId(self.delivery), name);
         }
     }
 }

@@ -16,7 +16,7 @@ use crate::state::State;
 use crate::tape::{Encoder, Setup};
 use crate::timer::Timer;
 use message::{Command, HEAD, Reader, command, end_code, head, with_parity};
-use softplug_plugin::{Context, Failure, JobStart, MarkState};
+use softplug_plugin::{Context, Failure, JobId, JobStart, MarkId, MarkState};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// How often a message is repeated, or asked for again.
@@ -160,7 +160,7 @@ impl RemoteBuffer {
             return;
         }
         self.stage = Stage::Feeding;
-        self.job = job.job;
+        self.job = job.job.0;
         self.wanted = 0;
         self.queued = 0;
         self.packet = 0;
@@ -230,7 +230,7 @@ impl RemoteBuffer {
         let has_unmarked = self.leaving > MOST_MARKS;
         self.leaving = self.leaving.saturating_sub(1);
         if has_unmarked {
-            link.transmit_marked(1, &[]);
+            link.transmit_marked(MarkId(1), &[]);
         }
         self.await_control(link, settings);
     }
@@ -385,7 +385,7 @@ impl RemoteBuffer {
     }
 
     fn done(&mut self, link: &mut Context<'_>) {
-        link.job_done(self.job, self.queued);
+        link.job_done(JobId(self.job), self.queued);
         self.finish(link);
     }
 
@@ -414,10 +414,10 @@ impl RemoteBuffer {
     pub(crate) fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
         let (Stage::Stopping, Some(failure)) = (self.stage, self.failure.failure()) else { return };
         let dropped = if self.is_own { u64::from(bytes) } else { 0 };
-        link.job_failed(self.job, failure, 0, self.queued.saturating_sub(dropped));
+        link.job_failed(JobId(self.job), failure, 0, self.queued.saturating_sub(dropped));
         // What the port has taken still leaves.
         let mark = mark_next(&mut self.leaving);
-        link.transmit_marked(mark, &[]);
+        link.transmit_marked(MarkId(mark), &[]);
         self.finish(link);
     }
 
@@ -453,7 +453,7 @@ fn transmit(
         link.transmit(data);
     }
     let mark = mark_next(leaving);
-    link.transmit_marked(mark, &[with_parity(settings, end_code(settings))]);
+    link.transmit_marked(MarkId(mark), &[with_parity(settings, end_code(settings))]);
     length
 }
 
@@ -467,6 +467,7 @@ fn mark_next(leaving: &mut u8) -> u32 {
 #[cfg(test)]
 mod tests {
     use crate::FanucRs232;
+    use softplug_plugin::JobId;
     use softplug_plugin::LineParameters;
     use softplug_plugin::bench::{Bench, Observed};
 
@@ -546,7 +547,7 @@ mod tests {
         bench.send(b"%\nO1\nM30\n%");
         bench.receive(b"ECGTD\r");
         bench.run_for_millis(40);
-        bench.host(|link, now, host| link.abort(now, 1, host));
+        bench.host(|link, now, host| link.abort(now, JobId(1), host));
         bench.send(b"%\nO2\nM30\n%");
         // Some 15 characters of 33 ms have still to leave.
         bench.run_for_millis(450);

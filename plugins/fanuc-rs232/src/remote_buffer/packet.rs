@@ -4,7 +4,7 @@
 use super::message::HEAD;
 use super::{DAT, EOD, RemoteBuffer, Stage, WAT};
 use crate::tape::{Encoder, Setup};
-use softplug_plugin::Context;
+use softplug_plugin::{Context, JobId};
 
 impl RemoteBuffer {
     /// Answers GTD as soon as a packet is full or the data is at its end.
@@ -43,7 +43,7 @@ impl RemoteBuffer {
         }
         let growth = if encoder.will_wait() { free } else { settings.growth() };
         self.wanted = free.checked_div(growth).unwrap_or_default().max(1);
-        link.want(self.job, self.wanted);
+        link.want(JobId(self.job), self.wanted);
     }
 
     /// Gives the control what there is.

@@ -11,7 +11,7 @@ pub(crate) use header::timeout_at;
 use super::NEVER;
 use header::Header;
 use softplug_plugin::parts::Block;
-use softplug_plugin::{Context, Micros, State};
+use softplug_plugin::{Context, DeliveryId, Micros, RequestId, State};
 
 /// Most data bytes of one telegram.
 pub(crate) const LARGEST_DATA: u8 = 128;
@@ -44,7 +44,7 @@ pub(crate) struct Rk512 {
     /// not known yet.
     to_do: u32,
     /// Id of the delivery of what is read; 0: not begun.
-    reading: u32,
+    reading: DeliveryId,
     pub(crate) reaction_until: Micros,
     // Passive: the partner's commands.
     asked: Header,
@@ -57,7 +57,7 @@ pub(crate) struct Rk512 {
     is_next: bool,
     /// How far the reaction is.
     turn: Turn,
-    last_request: u32,
+    last_request: RequestId,
     /// The last request is to be answered until then; `NEVER`: it was.
     pub(crate) answer_until: Micros,
     pub(crate) reaction: Block<LARGEST_REACTION>,
@@ -68,7 +68,7 @@ impl Rk512 {
     pub(crate) const fn new() -> Self {
         Self {
             to_do: 0,
-            reading: 0,
+            reading: DeliveryId(0),
             reaction_until: NEVER,
             asked: Header([0; HEADER]),
             offset: 0,
@@ -76,7 +76,7 @@ impl Rk512 {
             piece: 0,
             is_next: false,
             turn: Turn::Acknowledged,
-            last_request: 0,
+            last_request: RequestId(0),
             answer_until: NEVER,
             reaction: Block::new(),
             reaction_ready: false,
@@ -85,7 +85,7 @@ impl Rk512 {
 
     /// Whether a delivery is under way: one of what a job reads.
     pub(crate) fn is_delivering(&self) -> bool {
-        self.reading != 0
+        self.reading != DeliveryId(0)
     }
 
     /// The partner is gone: what it asked for no longer matters.
@@ -98,7 +98,7 @@ impl Rk512 {
     fn forget_request(&mut self, link: &mut Context<'_>) {
         if self.answer_until != NEVER {
             self.answer_until = NEVER;
-            link.withdraw(self.last_request);
+            link.withdraw(RequestId(self.last_request.0));
         }
     }
 }

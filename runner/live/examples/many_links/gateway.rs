@@ -7,7 +7,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::mpsc::{Receiver, channel};
 
 use serde_json::Value;
-use softplug_abi::LineParameters;
+use softplug_abi::{JobId, LineParameters};
 use softplug_host::{Host, HostOptions, Plugin, Session};
 use softplug_link::Job;
 use softplug_live::channel::StationOptions;
@@ -59,7 +59,7 @@ pub fn run(placement: Placement, plugins: &[String]) -> Outcome {
     }
     for (lane, program) in &gateway.programs {
         let size = Some(program.len() as u64);
-        let job = Job { id: JOB, kind: 0, size, fields: Vec::new(), check: true };
+        let job = Job { id: JobId(JOB), kind: 0, size, fields: Vec::new(), check: true };
         gateway.reactor.tell(*lane, Command::Begin(Feed { job, source: whole(program) }));
     }
     // Until the harness ends us.

@@ -1,7 +1,7 @@
 //! Sees the plug-in's actions on their way to the host: what concerns the port
 //! is kept for it, what is counted is counted.
 
-use softplug_abi::{Action, Micros, ModemLines};
+use softplug_abi::{Action, JobId, Micros, ModemLines};
 use softplug_link::{LinkHost, Supply};
 
 use super::{ChannelHost, Counters};
@@ -68,11 +68,11 @@ impl LinkHost for Tap<'_> {
         self.host.handle(now, action);
     }
 
-    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         self.host.supply(job, buffer)
     }
 
-    fn rewind(&mut self, job: u32) {
+    fn rewind(&mut self, job: JobId) {
         self.host.rewind(job);
     }
 

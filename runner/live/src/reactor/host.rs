@@ -1,7 +1,7 @@
 //! The host's side of a lane: where job data comes from, where deliveries go,
 //! what is told.
 
-use softplug_abi::{Action, Failure, Micros, ModemLines};
+use softplug_abi::{Action, DeliveryId, Failure, JobId, Micros, ModemLines};
 use softplug_link::{LinkHost, Supply};
 use std::collections::VecDeque;
 use std::task::Waker;
@@ -51,7 +51,7 @@ pub(super) struct LaneHost {
 
 /// A job under way.
 pub(super) struct Active {
-    pub(super) id: u32,
+    pub(super) id: JobId,
     pub(super) source: Source,
     pub(super) taken: u64,
     /// What the port was given before it began.
@@ -79,7 +79,7 @@ pub(super) struct Ended {
 
 /// A delivery until all of it has been put away.
 struct Delivery {
-    id: u32,
+    id: DeliveryId,
     to: Option<ReservoirWriter>,
     bytes: u64,
     /// Bytes given back to the link as room.
@@ -125,7 +125,7 @@ impl LaneHost {
     }
 
     /// Begins the job of what comes in at the endpoint.
-    pub(super) fn begin_endpoint(&mut self, id: u32, from: Place) {
+    pub(super) fn begin_endpoint(&mut self, id: JobId, from: Place) {
         self.job = Some(Active::new(id, Source::Endpoint, from));
         if let Some(lane) = &mut self.endpoint {
             lane.endpoint.job_begun();
@@ -133,7 +133,7 @@ impl LaneHost {
     }
 
     /// Data from the start, for a job that was rewound.
-    pub(super) fn refill(&mut self, job: u32, source: ReservoirReader) {
+    pub(super) fn refill(&mut self, job: JobId, source: ReservoirReader) {
         if let Some(active) = self.job.as_mut().filter(|active| active.id == job) {
             source.wake_with(self.wake.clone());
             active.source = Source::Reservoir(source);
@@ -214,11 +214,11 @@ impl LaneHost {
         }
     }
 
-    fn job_ended(&mut self, now: Micros, job: u32, outcome: JobOutcome, sent: u64) {
+    fn job_ended(&mut self, now: Micros, job: JobId, outcome: JobOutcome, sent: u64) {
         match self.job.take_if(|active| active.id == job) {
             Some(active) => self.ended = Some(Ended { active, outcome, sent }),
             // It found another under way.
-            None if job < ENDPOINT_JOBS => {
+            None if job < JobId(ENDPOINT_JOBS) => {
                 let end = JobEnd::unbegun(job, outcome, sent);
                 self.tell_of_action(now, Report::JobEnded(end));
             }
@@ -226,16 +226,19 @@ impl LaneHost {
         }
     }
 
-    fn begin_delivery(&mut self, now: Micros, id: u32, job: u32) {
-        let is_for_client = job == 0 || job >= ENDPOINT_JOBS;
+    fn begin_delivery(&mut self, now: Micros, id: DeliveryId, job: JobId) {
+        let is_for_client = job == JobId(0) || job >= JobId(ENDPOINT_JOBS);
         let client = self.endpoint.as_ref().filter(|lane| lane.endpoint.takes_deliveries());
         let to = if is_for_client && client.is_some() {
             None
         } else {
             let (writer, bytes) = reservoir(self.delivery_room, 0, self.delivery_room);
             writer.wake_with(self.wake.clone());
-            let job = Some(job).filter(|job| *job != 0);
-            self.tell_of_action(now, Report::DeliveryBegun { delivery: id, job, bytes });
+            let job = Some(job).filter(|job| *job != JobId(0));
+            self.tell_of_action(
+                now,
+                Report::DeliveryBegun { delivery: DeliveryId(id.0), job, bytes },
+            );
             Some(writer)
         };
         if self.deliveries.len() >= DELIVERIES {
@@ -263,7 +266,7 @@ impl LaneHost {
         delivery.wake_when_read(self.delivery_room);
     }
 
-    fn end_delivery(&mut self, now: Micros, id: u32, failure: Option<Failure>, status: u16) {
+    fn end_delivery(&mut self, now: Micros, id: DeliveryId, failure: Option<Failure>, status: u16) {
         let Some(delivery) = self.deliveries.back_mut().filter(|delivery| delivery.id == id) else {
             return;
         };
@@ -272,7 +275,8 @@ impl LaneHost {
         match &mut delivery.to {
             Some(to) => {
                 to.finish();
-                let end = Report::DeliveryEnded { delivery: id, failure, status, bytes };
+                let end =
+                    Report::DeliveryEnded { delivery: DeliveryId(id.0), failure, status, bytes };
                 self.tell_of_action(now, end);
             }
             None => {
@@ -285,7 +289,7 @@ impl LaneHost {
 }
 
 impl Active {
-    fn new(id: u32, source: Source, from: Place) -> Self {
+    fn new(id: JobId, source: Source, from: Place) -> Self {
         Self {
             id,
             source,
@@ -421,7 +425,7 @@ impl LinkHost for LaneHost {
         }
     }
 
-    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         let Some(active) = self.job.as_mut().filter(|active| active.id == job) else {
             return Supply::End;
         };
@@ -449,7 +453,7 @@ impl LinkHost for LaneHost {
         supply
     }
 
-    fn rewind(&mut self, job: u32) {
+    fn rewind(&mut self, job: JobId) {
         let Some(active) = self.job.as_mut().filter(|active| active.id == job) else { return };
         active.taken = 0;
         if matches!(active.source, Source::Endpoint) {

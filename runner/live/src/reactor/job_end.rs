@@ -1,12 +1,12 @@
 //! How jobs end.
 
-use softplug_abi::Failure;
+use softplug_abi::{Failure, JobId};
 
 /// How a job ended.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct JobEnd {
     /// The job.
-    pub job: u32,
+    pub job: JobId,
     /// How.
     pub outcome: JobOutcome,
     /// Bytes of its data that the plug-in took.
@@ -27,7 +27,7 @@ pub struct JobEnd {
 
 impl JobEnd {
     /// Of a job that was never begun.
-    pub(crate) fn unbegun(job: u32, outcome: JobOutcome, sent: u64) -> Self {
+    pub(crate) fn unbegun(job: JobId, outcome: JobOutcome, sent: u64) -> Self {
         Self {
             job,
             outcome,

@@ -1,6 +1,6 @@
 //! What lanes tell.
 
-use softplug_abi::{Failure, LinkDownReason, Micros, NoteLevel};
+use softplug_abi::{DeliveryId, Failure, JobId, LinkDownReason, Micros, NoteLevel, RequestId};
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 
@@ -43,14 +43,14 @@ pub enum Report {
     /// The job's check was good: its data is needed again, from the start.
     Rewind {
         /// The job.
-        job: u32,
+        job: JobId,
     },
     /// Something comes from the machine.
     DeliveryBegun {
         /// The plug-in's id for it.
-        delivery: u32,
+        delivery: DeliveryId,
         /// The job that it answers.
-        job: Option<u32>,
+        job: Option<JobId>,
         /// Its bytes, to be put away. Reading makes room; dropping it drops what
         /// is still to come.
         bytes: ReservoirReader,
@@ -58,14 +58,14 @@ pub enum Report {
     /// Its name was found.
     DeliveryNamed {
         /// The delivery.
-        delivery: u32,
+        delivery: DeliveryId,
         /// The name, as the machine gave it.
         name: String,
     },
     /// It is over.
     DeliveryEnded {
         /// The delivery.
-        delivery: u32,
+        delivery: DeliveryId,
         /// `None`: complete.
         failure: Option<Failure>,
         /// The protocol's own code, 0 without.
@@ -76,7 +76,7 @@ pub enum Report {
     /// The machine asks for something.
     Request {
         /// Its id, for the answer.
-        request: u32,
+        request: RequestId,
         /// Place of its kind in the manifest.
         kind: u16,
         /// Its fields as value records.
@@ -85,7 +85,7 @@ pub enum Report {
     /// It no longer does.
     Withdrawn {
         /// Its id.
-        request: u32,
+        request: RequestId,
     },
     /// The plug-in says something. Some are left out if there are too many; the
     /// status counts them.

@@ -1,7 +1,7 @@
 //! What a lane is made with, and what it may be told.
 
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Failure, Micros};
+use softplug_abi::{Failure, JobId, Micros, RequestId};
 use softplug_link::Job;
 use std::fmt;
 
@@ -99,14 +99,14 @@ pub enum Command<I> {
     /// The data of the job from the start, after [`Report::Rewind`](super::Report::Rewind).
     Refill {
         /// The job.
-        job: u32,
+        job: JobId,
         /// Its data.
         source: ReservoirReader,
     },
     /// Answer a request: with data, or with why it is refused.
     Answer {
         /// The request.
-        request: u32,
+        request: RequestId,
         /// The answer.
         answer: Result<Vec<u8>, Failure>,
     },

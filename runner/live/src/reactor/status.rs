@@ -1,6 +1,6 @@
 //! What a lane is doing, for whoever looks from another thread.
 
-use softplug_abi::{LineErrorKind, Micros};
+use softplug_abi::{JobId, LineErrorKind, Micros};
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering};
 
 use super::AlarmKind;
@@ -174,7 +174,7 @@ pub(super) struct LaneCounters {
 /// The job under way, as it is shown.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 pub(super) struct JobFigures {
-    pub(super) job: u32,
+    pub(super) job: JobId,
     pub(super) taken: u64,
     pub(super) maybe_left: u64,
     pub(super) surely_left: u64,
@@ -196,7 +196,7 @@ impl JobFigures {
 /// What a unit tells of the job under way.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct UnitFigures {
-    pub(crate) job: u32,
+    pub(crate) job: JobId,
     pub(crate) taken: u64,
     pub(crate) maybe_left: u64,
     pub(crate) surely_left: u64,
@@ -216,8 +216,8 @@ impl UnitFigures {
 impl LaneStatus {
     /// How many bytes of this job's data the plug-in had taken when all that it had made of them had left;
     /// none while the lane does something else.
-    pub fn drained(&self, job: u32) -> Option<u64> {
-        let is_its = self.job.load(Ordering::Acquire) == job;
+    pub fn drained(&self, job: JobId) -> Option<u64> {
+        let is_its = self.job.load(Ordering::Acquire) == job.0;
         is_its.then(|| self.job_drained.load(Ordering::Relaxed))
     }
 
@@ -260,8 +260,8 @@ impl LaneStatus {
     }
 
     /// Of this job's bytes, those that had surely left when it was last shown.
-    pub(super) fn bytes_surely_left(&self, job: u32) -> u64 {
-        let is_shown = self.job.load(Ordering::Relaxed) == job;
+    pub(super) fn bytes_surely_left(&self, job: JobId) -> u64 {
+        let is_shown = self.job.load(Ordering::Relaxed) == job.0;
         if is_shown { self.job_bytes_surely_left.load(Ordering::Relaxed) } else { 0 }
     }
 
@@ -309,7 +309,7 @@ impl LaneStatus {
     pub(super) fn store_job(&self, job: &JobFigures) {
         // First: who sees the job must not see another one's.
         self.job_drained.store(job.drained, Ordering::Relaxed);
-        self.job.store(job.job, Ordering::Release);
+        self.job.store(job.job.0, Ordering::Release);
         self.job_taken.store(job.taken, Ordering::Relaxed);
         self.job_maybe_left.store(job.maybe_left, Ordering::Relaxed);
         self.job_surely_left.store(job.surely_left, Ordering::Relaxed);

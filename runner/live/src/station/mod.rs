@@ -2,7 +2,7 @@
 
 pub use crate::channel::{ChannelError as StationError, Counters, StationOptions};
 
-use softplug_abi::{Action, Failure, Instance, LinkDownReason, Micros};
+use softplug_abi::{Action, Failure, Instance, JobId, LinkDownReason, Micros, RequestId};
 use softplug_link::{Job, Link, LinkFault, LinkHost, Successor, Supply, SwapError};
 
 use crate::channel::{Channel, ChannelHost, Left, Place, Wants, Work};
@@ -84,7 +84,7 @@ impl<I: Instance> Station<I> {
     /// Aborts the job, or, with 0, the delivery under way.
     pub fn abort(
         &mut self,
-        job: u32,
+        job: JobId,
         host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
         self.ask(host, |link, now, host| link.abort(now, job, host))
@@ -93,7 +93,7 @@ impl<I: Instance> Station<I> {
     /// Asks for a pause of the job.
     pub fn pause(
         &mut self,
-        job: u32,
+        job: JobId,
         host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
         self.ask(host, |link, now, host| link.pause(now, job, host))
@@ -102,7 +102,7 @@ impl<I: Instance> Station<I> {
     /// Ends the pause.
     pub fn resume(
         &mut self,
-        job: u32,
+        job: JobId,
         host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
         self.ask(host, |link, now, host| link.resume(now, job, host))
@@ -112,7 +112,7 @@ impl<I: Instance> Station<I> {
     /// withdrawn in the meantime gets no answer.
     pub fn answer(
         &mut self,
-        request: u32,
+        request: RequestId,
         answer: Result<&[u8], Failure>,
         host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
@@ -204,11 +204,11 @@ impl LinkHost for Unwatched<'_> {
         self.0.handle(now, action);
     }
 
-    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         self.0.supply(job, buffer)
     }
 
-    fn rewind(&mut self, job: u32) {
+    fn rewind(&mut self, job: JobId) {
         self.0.rewind(job);
     }
 

@@ -16,7 +16,7 @@ pub use serve::{
 pub use source::ReadSeek;
 pub use unasked::Reception;
 
-use softplug_abi::{Failure, Instance, Micros, NoteLevel};
+use softplug_abi::{Failure, Instance, Micros, NoteLevel, RequestId};
 use softplug_link::LinkHost;
 use std::error::Error;
 use std::io;
@@ -87,7 +87,7 @@ fn refuse_all<I: Instance>(
     host: &mut dyn LinkHost,
 ) -> Result<(), TransferError<I::Fault>> {
     for request in requests {
-        station.answer(*request, Err(Failure::NotSupported), host)?;
+        station.answer(RequestId(*request), Err(Failure::NotSupported), host)?;
     }
     Ok(())
 }

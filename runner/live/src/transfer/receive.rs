@@ -1,6 +1,6 @@
 //! Receives a program.
 
-use softplug_abi::{Action, Failure, Instance, Micros};
+use softplug_abi::{Action, Failure, Instance, JobId, Micros};
 use softplug_link::LinkHost;
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -81,7 +81,7 @@ pub fn receive<I: Instance>(
         let now = station.now();
         if stop.load(Ordering::Relaxed) || catch.error.is_some() {
             let was_under_way = station.link().has_delivery();
-            station.abort(0, &mut catch)?;
+            station.abort(JobId(0), &mut catch)?;
             if was_under_way {
                 tell_the_partner(station, &mut catch)?;
             }
@@ -124,7 +124,7 @@ pub fn receive<I: Instance>(
         }
     }
     if catch.unasked.is_taking() {
-        station.abort(0, &mut catch)?;
+        station.abort(JobId(0), &mut catch)?;
     }
     let heard = station.counters().bytes_in;
     station.close(PATIENCE, &mut catch)?;
@@ -264,7 +264,7 @@ impl<W: Write> LinkHost for Catch<'_, W> {
                     Some(failure) => ReceiveOutcome::Failed { failure: *failure, status: *status },
                 });
             }
-            Action::Request { request, .. } => self.requests.push(*request),
+            Action::Request { request, .. } => self.requests.push(request.0),
             Action::Note { level, code, text } => self.notes.push(note(*level, *code, text)),
             Action::State { name } => self.enter(now, name),
             Action::Transmit { .. }

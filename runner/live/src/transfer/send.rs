@@ -1,6 +1,6 @@
 //! Sends a program.
 
-use softplug_abi::{Action, Failure, Instance, Micros};
+use softplug_abi::{Action, Failure, Instance, JobId, Micros};
 use softplug_link::{Job, LinkHost, Supply};
 use std::io::{self, Read, Seek, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -142,7 +142,7 @@ pub fn ask<I: Instance>(
     let begin = station.now();
     let place = station.place();
     let job = Job {
-        id: JOB,
+        id: JobId(JOB),
         kind: options.job_kind,
         size: options.size,
         fields: options.fields.clone(),
@@ -153,7 +153,7 @@ pub fn ask<I: Instance>(
     while feed.outcome.is_none() {
         if !is_stopped && (stop.load(Ordering::Relaxed) || feed.has_error()) {
             is_stopped = true;
-            station.abort(JOB, &mut feed)?;
+            station.abort(JobId(JOB), &mut feed)?;
             continue;
         }
         let counters = station.counters();
@@ -189,7 +189,7 @@ pub fn ask<I: Instance>(
         }
     }
     if feed.unasked.is_taking() {
-        station.abort(0, &mut feed)?;
+        station.abort(JobId(0), &mut feed)?;
     }
     station.close(PATIENCE, &mut feed)?;
     feed.unasked.close();
@@ -296,7 +296,7 @@ impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
                 self.outcome = Some(SendOutcome::CheckFailed { failure, status, line, column });
             }
             Action::DeliveryBegin { job, .. } => {
-                self.is_answer = *job == JOB;
+                self.is_answer = *job == JobId(JOB);
                 if !self.is_answer {
                     self.unasked.take(action);
                 }
@@ -309,7 +309,7 @@ impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
             Action::DeliveryName { .. } | Action::DeliveryEnd { .. } if !self.is_answer => {
                 self.unasked.take(action);
             }
-            Action::Request { request, .. } => self.requests.push(*request),
+            Action::Request { request, .. } => self.requests.push(request.0),
             Action::Note { level, code, text } => self.notes.push(note(*level, *code, text)),
             Action::State { name } => (*name).clone_into(&mut self.state),
             Action::Transmit { .. }
@@ -330,11 +330,11 @@ impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
         }
     }
 
-    fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _job: JobId, buffer: &mut [u8]) -> Supply {
         self.source.supply(buffer)
     }
 
-    fn rewind(&mut self, _job: u32) {
+    fn rewind(&mut self, _job: JobId) {
         self.source.rewind();
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use softplug_abi::Failure;
+use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_unit_protocol::ToUnit;
 use softplug_unit_uplink::Outbox;
 use std::task::Waker;
@@ -22,7 +22,7 @@ pub(super) struct Flood;
 /// Deliveries of a link, by the unit's number.
 #[derive(Default)]
 pub(super) struct Arrivals {
-    arriving: BTreeMap<u32, Arriving>,
+    arriving: BTreeMap<DeliveryId, Arriving>,
 }
 
 struct Arriving {
@@ -42,8 +42,8 @@ impl Arrivals {
     /// It is announced, for the first time or again. What is to be reported.
     pub(super) fn announced(
         &mut self,
-        delivery: u32,
-        job: Option<u32>,
+        delivery: DeliveryId,
+        job: Option<JobId>,
         at: u64,
         name: &str,
         room: u32,
@@ -77,7 +77,12 @@ impl Arrivals {
         Ok(reports)
     }
 
-    pub(super) fn data(&mut self, delivery: u32, at: u64, bytes: &[u8]) -> Result<(), Flood> {
+    pub(super) fn data(
+        &mut self,
+        delivery: DeliveryId,
+        at: u64,
+        bytes: &[u8],
+    ) -> Result<(), Flood> {
         let Some(arriving) = self.arriving.get_mut(&delivery) else { return Ok(()) };
         // What came already comes again behind a session that has ended.
         let known = arriving.came.saturating_sub(at).min(bytes.len() as u64) as usize;
@@ -95,7 +100,7 @@ impl Arrivals {
 
     pub(super) fn ended(
         &mut self,
-        delivery: u32,
+        delivery: DeliveryId,
         failure: Option<Failure>,
         status: u16,
         size: u64,
@@ -122,7 +127,7 @@ impl Arrivals {
             {
                 arriving.writer.finish();
                 let (until, is_whole) = (stored, true);
-                outbox.push(&ToUnit::Stored { link, delivery, until, is_whole }, false);
+                outbox.push(&ToUnit::Stored { link, delivery: delivery.0, until, is_whole }, false);
                 // What was stored before this process began is not here.
                 let failure = if arriving.from > 0 {
                     failure.or(Some(Failure::Interrupted))
@@ -130,13 +135,18 @@ impl Arrivals {
                     failure
                 };
                 let bytes = size - arriving.from.min(size);
-                reports.push(Report::DeliveryEnded { delivery, failure, status, bytes });
+                reports.push(Report::DeliveryEnded {
+                    delivery: DeliveryId(delivery.0),
+                    failure,
+                    status,
+                    bytes,
+                });
                 return false;
             }
             if stored > arriving.told {
                 arriving.told = stored;
                 let (until, is_whole) = (stored, false);
-                outbox.push(&ToUnit::Stored { link, delivery, until, is_whole }, false);
+                outbox.push(&ToUnit::Stored { link, delivery: delivery.0, until, is_whole }, false);
             }
             if arriving.writer.level() > 0 {
                 arriving.writer.wake_at(0);
@@ -155,7 +165,12 @@ impl Arrivals {
                 arriving.writer.finish();
                 let failure = Some(Failure::Interrupted);
                 let bytes = arriving.came - arriving.from;
-                Report::DeliveryEnded { delivery, failure, status: 0, bytes }
+                Report::DeliveryEnded {
+                    delivery: DeliveryId(delivery.0),
+                    failure,
+                    status: 0,
+                    bytes,
+                }
             })
             .collect()
     }

@@ -238,7 +238,7 @@ impl UnitJob {
         let sent = self.feeding.furthest();
         let outcome = if said.taken > sent {
             tracing::error!(
-                job = self.job.id,
+                job = self.job.id.0,
                 "a unit says that more was taken than was sent to it"
             );
             JobOutcome::Failed { failure: Failure::Internal, status: 0 }
@@ -278,6 +278,7 @@ impl UnitJob {
 mod tests {
     use super::*;
     use crate::reservoir::reservoir;
+    use softplug_abi::JobId;
     use softplug_unit_protocol::{Identity, Messages, Role, Session};
 
     /// What an outbox has, by its types.
@@ -307,7 +308,7 @@ mod tests {
     fn a_job_that_never_came_is_given_again_from_its_beginning_to_its_end() {
         let (mut writer, source) = reservoir(16, 0, 16);
         writer.finish();
-        let job = Job { id: 1, kind: 0, size: Some(0), fields: Vec::new(), check: false };
+        let job = Job { id: JobId(1), kind: 0, size: Some(0), fields: Vec::new(), check: false };
         let mut job = UnitJob::new(1, Feed { job, source });
         let end = ToUnit::End { link: 0, job: 1, pass: 0, size: 0 }.kind();
         for _ in 0..2 {

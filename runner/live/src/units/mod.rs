@@ -30,7 +30,7 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-use softplug_abi::Failure;
+use softplug_abi::{Failure, JobId, RequestId};
 use softplug_unit_protocol::Session;
 
 use crate::error::PortError;
@@ -160,14 +160,14 @@ pub enum UnitCommand {
     /// The data of the job from the start, after [`Report::Rewind`].
     Refill {
         /// The job.
-        job: u32,
+        job: JobId,
         /// Its data.
         source: ReservoirReader,
     },
     /// Answer a request: with data, or with why it is refused.
     Answer {
         /// The request.
-        request: u32,
+        request: RequestId,
         /// The answer.
         answer: Result<Vec<u8>, Failure>,
     },

@@ -10,8 +10,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, poll};
-use softplug_abi::LineParameters;
 use softplug_abi::manifest::{Manifest, SettingValues};
+use softplug_abi::{JobId, LineParameters};
 use softplug_link::Job;
 use softplug_live::channel::StationOptions;
 use softplug_live::pty::PtyPair;
@@ -113,11 +113,11 @@ impl Bench {
     }
 
     /// Begins a job with all its data there.
-    pub fn send(&mut self, lane: LaneId, job: u32, data: &[u8]) {
+    pub fn send(&mut self, lane: LaneId, job: JobId, data: &[u8]) {
         let (mut writer, source) = reservoir(data.len(), 0, data.len());
         assert_eq!(writer.write(data), data.len());
         writer.finish();
-        let job = self::job(job, Some(data.len() as u64));
+        let job = self::job(job.0, Some(data.len() as u64));
         self.reactor.tell(lane, Command::Begin(Feed { job, source }));
     }
 
@@ -147,7 +147,7 @@ impl Bench {
 }
 
 pub fn job(id: u32, size: Option<u64>) -> Job {
-    Job { id, kind: 0, size, fields: Vec::new(), check: false }
+    Job { id: JobId(id), kind: 0, size, fields: Vec::new(), check: false }
 }
 
 pub fn setup(port: PortSpec, baud: u32) -> LaneSetup<NativeInstance> {

@@ -15,7 +15,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Instance, LineParameters, Micros};
+use softplug_abi::{Instance, JobId, LineParameters, Micros};
 use softplug_link::{Job, Spare, Successor};
 use softplug_live::channel::StationOptions;
 use softplug_live::pty::PtyPair;
@@ -124,7 +124,7 @@ impl<I: LaneInstance> Load<I> {
         assert_eq!(writer.write(data), data.len());
         writer.finish();
         let size = Some(data.len() as u64);
-        let job = Job { id: 1, kind: 0, size, fields: Vec::new(), check: false };
+        let job = Job { id: JobId(1), kind: 0, size, fields: Vec::new(), check: false };
         self.reactor.tell(lane, Command::Begin(Feed { job, source }));
     }
 

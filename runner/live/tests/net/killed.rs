@@ -1,6 +1,6 @@
 //! A device server that is killed in mid-job, whichever it is.
 
-use softplug_abi::{Failure, LinkDownReason};
+use softplug_abi::{Failure, JobId, LinkDownReason};
 use softplug_live::reactor::{LaneId, Report};
 
 use super::lanes::{Bench, program};
@@ -21,7 +21,7 @@ pub(crate) trait Server {
 pub(crate) fn kill_in_mid_job(bench: &mut Bench, lane: LaneId, server: &mut impl Server) {
     bench.wait_for(lane, |report| matches!(report, Report::Up));
     let program = program(20_000);
-    bench.send(lane, 1, &program);
+    bench.send(lane, JobId(1), &program);
     server.wait_received(500);
     server.kill();
     let lost = |report: &Report| {
@@ -32,7 +32,7 @@ pub(crate) fn kill_in_mid_job(bench: &mut Bench, lane: LaneId, server: &mut impl
     let end = bench.end_of_job(lane);
     let failure =
         softplug_live::reactor::JobOutcome::Failed { failure: Failure::LinkDown, status: 0 };
-    assert_eq!((end.job, &end.outcome), (1, &failure));
+    assert_eq!((end.job, &end.outcome), (JobId(1), &failure));
     let received = server.received();
     assert!(received == program[..received.len()], "bytes were lost, doubled or reordered");
     let maybe = end.maybe_left as usize;
@@ -42,10 +42,10 @@ pub(crate) fn kill_in_mid_job(bench: &mut Bench, lane: LaneId, server: &mut impl
     server.restart();
     bench.wait_for(lane, |report| matches!(report, Report::Up));
     let rest = &program[received.len()..];
-    bench.send(lane, 2, rest);
+    bench.send(lane, JobId(2), rest);
     let all = server.wait_received(program.len());
     assert!(all == program, "{} bytes, after {}", all.len(), received.len());
     let end = bench.end_of_job(lane);
-    assert_eq!((end.job, end.taken), (2, rest.len() as u64));
+    assert_eq!((end.job, end.taken), (JobId(2), rest.len() as u64));
     assert_eq!(bench.figures(lane).opened, 2);
 }

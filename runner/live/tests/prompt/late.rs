@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Action, Failure, Micros, NoteLevel};
+use softplug_abi::{Action, Failure, JobId, Micros, NoteLevel};
 use softplug_link::{Job, LinkHost, Supply};
 use softplug_live::channel::{Channel, ChannelHost, StationOptions, Work};
 use softplug_live::clock::Clock;
@@ -107,7 +107,7 @@ impl LinkHost for Late {
         }
     }
 
-    fn supply(&mut self, _: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _: JobId, buffer: &mut [u8]) -> Supply {
         let count = self.data.len().min(buffer.len());
         buffer[..count].copy_from_slice(&self.data[..count]);
         self.data.drain(..count);
@@ -144,7 +144,7 @@ impl Link {
         self.jobs += 1;
         late.data = data.to_vec();
         let size = Some(data.len() as u64);
-        let job = Job { id: self.jobs, kind: 0, size, fields: Vec::new(), check: false };
+        let job = Job { id: JobId(self.jobs), kind: 0, size, fields: Vec::new(), check: false };
         let begin = |link: &mut softplug_link::Link<_>, now, host: &mut dyn LinkHost| {
             link.begin_job(now, job, host)
         };
@@ -155,7 +155,7 @@ impl Link {
     pub(crate) fn resume(&mut self, late: &mut Late) {
         let job = self.jobs;
         let resume = |link: &mut softplug_link::Link<_>, now, host: &mut dyn LinkHost| {
-            link.resume(now, job, host)
+            link.resume(now, JobId(job), host)
         };
         self.channel.ask(self.clock.now(), late, resume).unwrap().unwrap();
     }

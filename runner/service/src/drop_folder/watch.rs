@@ -1,5 +1,6 @@
 //! The thread of one drop folder.
 
+use softplug_abi::JobId;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -65,7 +66,7 @@ pub(crate) trait Queue: Send {
     /// The job of a claim, if there is one.
     fn claimed(&self, claim: &str) -> Result<Option<Claimed>, JobsError>;
     /// A job.
-    fn job(&self, id: u32) -> Result<Job, JobsError>;
+    fn job(&self, id: JobId) -> Result<Job, JobsError>;
     /// Makes a job of a file, once for each claim.
     fn submit(&self, dropped: &Dropped<'_>) -> Result<(), NotTaken>;
     /// A claim is settled.

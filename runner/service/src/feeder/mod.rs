@@ -12,6 +12,7 @@ mod stream;
 pub use pace::Pace;
 pub use stream::Stream;
 
+use softplug_abi::JobId;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::fs::File;
@@ -41,7 +42,7 @@ const AGAIN: Duration = Duration::from_millis(500);
 #[derive(Debug)]
 pub struct Feeding {
     /// The job.
-    pub job: u32,
+    pub job: JobId,
     /// Its snapshot.
     pub data: Data,
     /// The first byte to send.
@@ -68,7 +69,7 @@ pub enum FeederNews {
     /// All that lies before a job's gate has surely left.
     AtGate {
         /// The job.
-        job: u32,
+        job: JobId,
         /// Its gate.
         gate: u64,
     },
@@ -125,13 +126,13 @@ impl Feeder {
     }
 
     /// A job has ended: it is not looked after any more. Its buffer ends where it is.
-    pub fn forget(&self, job: u32) {
-        self.request(Request::Forget(job));
+    pub fn forget(&self, job: JobId) {
+        self.request(Request::Forget(job.0));
     }
 
     /// A job goes on, up to this byte; without one to its end.
-    pub fn move_gate(&self, job: u32, gate: Option<u64>) {
-        self.request(Request::Gate(job, gate));
+    pub fn move_gate(&self, job: JobId, gate: Option<u64>) {
+        self.request(Request::Gate(job.0, gate));
     }
 
     fn request(&self, request: Request) {
@@ -155,7 +156,7 @@ impl Drop for Feeder {
 
 /// A job that is being fed.
 struct Feed {
-    job: u32,
+    job: JobId,
     /// None when all of it has been given, or it has failed.
     to: Option<ReservoirWriter>,
     file: File,
@@ -197,8 +198,8 @@ impl<T: FnMut(FeederNews)> Worker<T> {
             loop {
                 match requests.try_recv() {
                     Ok(Request::Feed(feeding)) => ready.extend(self.take_on(*feeding)),
-                    Ok(Request::Forget(job)) => self.forget(job),
-                    Ok(Request::Gate(job, gate)) => ready.extend(self.move_gate(job, gate)),
+                    Ok(Request::Forget(job)) => self.forget(JobId(job)),
+                    Ok(Request::Gate(job, gate)) => ready.extend(self.move_gate(JobId(job), gate)),
                     Err(TryRecvError::Empty) => break,
                     Err(TryRecvError::Disconnected) => return,
                 }
@@ -273,7 +274,7 @@ impl<T: FnMut(FeederNews)> Worker<T> {
         Some(slot)
     }
 
-    fn move_gate(&mut self, job: u32, gate: Option<u64>) -> Option<usize> {
+    fn move_gate(&mut self, job: JobId, gate: Option<u64>) -> Option<usize> {
         let is_its = |feed: &Option<Feed>| feed.as_ref().is_some_and(|feed| feed.job == job);
         let slot = self.feeds.iter().position(is_its)?;
         let feed = self.feeds[slot].as_mut()?;
@@ -299,7 +300,7 @@ impl<T: FnMut(FeederNews)> Worker<T> {
         waits
     }
 
-    fn forget(&mut self, job: u32) {
+    fn forget(&mut self, job: JobId) {
         for place in &mut self.feeds {
             if place.as_ref().is_some_and(|feed| feed.job == job) {
                 *place = None;
@@ -448,7 +449,7 @@ impl Feed {
             if self.is_filled {
                 self.schedule.sent(begin, end);
                 tracing::trace!(
-                    job = self.job, sending = ?self.schedule.sending, delay = ?self.schedule.delay(), "packet"
+                    job = self.job.0, sending = ?self.schedule.sending, delay = ?self.schedule.delay(), "packet"
                 );
             } else {
                 self.schedule.filled(begin, end);

@@ -1,5 +1,6 @@
 //! What has surely left of a job, written down now and then.
 
+use softplug_abi::JobId;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -12,7 +13,7 @@ const APART: Duration = Duration::from_secs(2);
 #[derive(Debug)]
 pub(super) struct Progress {
     status: Arc<LaneStatus>,
-    job: u32,
+    job: JobId,
     from: u64,
     written: u64,
     next: Option<Instant>,
@@ -20,20 +21,20 @@ pub(super) struct Progress {
 }
 
 impl Progress {
-    pub(super) fn new(status: Arc<LaneStatus>, job: u32, from: u64) -> Self {
+    pub(super) fn new(status: Arc<LaneStatus>, job: JobId, from: u64) -> Self {
         Self { status, job, from, written: from, next: None, was_held: false }
     }
 
     /// The byte before which all has left, at a moment when nothing was on its way; none while the
     /// lane does something else.
     pub(super) fn drained(&self) -> Option<u64> {
-        Some(self.from + self.status.drained(self.job)?)
+        Some(self.from + self.status.drained(JobId(self.job.0))?)
     }
 
     /// What has surely left, if that is to be written down now.
     pub(super) fn look(&mut self, now: Instant) -> Option<u64> {
         let figures = self.status.read();
-        if figures.job != self.job {
+        if figures.job != self.job.0 {
             return None;
         }
         let is_new_hold = figures.is_held && !self.was_held;

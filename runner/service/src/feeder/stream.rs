@@ -1,6 +1,7 @@
 //! A job's data from a connection instead of a file. Who writes waits as long as the machine
 //! does, so that the source is held back too.
 
+use softplug_abi::JobId;
 use std::io::{self, Write};
 use std::sync::Arc;
 use std::task::{Wake, Waker};
@@ -18,7 +19,7 @@ const LOOK: Duration = Duration::from_millis(250);
 #[derive(Debug)]
 pub struct Stream {
     jobs: Jobs,
-    job: u32,
+    job: JobId,
     to: ReservoirWriter,
     at: u64,
     granted: u64,
@@ -26,7 +27,7 @@ pub struct Stream {
 
 impl Stream {
     /// For a job that has begun.
-    pub fn new(jobs: Jobs, job: u32, to: ReservoirWriter) -> Self {
+    pub fn new(jobs: Jobs, job: JobId, to: ReservoirWriter) -> Self {
         Self { jobs, job, to, at: 0, granted: 0 }
     }
 

@@ -1,5 +1,6 @@
 //! At which block the jobs under way are: looked up in their programs, away from the control loop.
 
+use softplug_abi::JobId;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -12,7 +13,7 @@ use crate::view::BlockView;
 /// A job whose block is wanted.
 #[derive(Debug)]
 pub(super) struct Wanted {
-    pub(super) job: u32,
+    pub(super) job: JobId,
     pub(super) link: String,
     pub(super) data: Data,
     /// The block at which it began, and the byte.
@@ -24,7 +25,7 @@ pub(super) struct Wanted {
 /// Where the last look at each program ended.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BlockFinder {
-    places: Arc<Mutex<HashMap<u32, Place>>>,
+    places: Arc<Mutex<HashMap<JobId, Place>>>,
     /// A look that takes long is not followed by another before it is over.
     is_looking: bool,
 }
@@ -38,10 +39,10 @@ struct Place {
 
 /// The block of each of these that is in another one than at the last look.
 fn find(
-    places: &mut HashMap<u32, Place>,
+    places: &mut HashMap<JobId, Place>,
     wanted: &[Wanted],
     snapshots: &Snapshots,
-) -> Vec<(String, u32, BlockView)> {
+) -> Vec<(String, JobId, BlockView)> {
     places.retain(|job, _| wanted.iter().any(|wanted| wanted.job == *job));
     let mut found = Vec::new();
     for Wanted { job, link, data, begins, byte } in wanted {
@@ -80,11 +81,11 @@ impl Control {
         });
     }
 
-    fn found_blocks(&mut self, found: Vec<(String, u32, BlockView)>) {
+    fn found_blocks(&mut self, found: Vec<(String, JobId, BlockView)>) {
         self.block_finder.is_looking = false;
         for (link, job, block) in found {
             let running = self.links.get_mut(&link).and_then(|link| link.job.as_mut());
-            if let Some(running) = running.filter(|running| running.job.id == job) {
+            if let Some(running) = running.filter(|running| running.job.id == JobId(job.0)) {
                 running.block = Some(block);
             }
         }
@@ -106,7 +107,7 @@ mod tests {
         let mut places = HashMap::new();
         let mut at = |byte| {
             let link = "lathe-1".to_owned();
-            let wanted = [Wanted { job: 1, link, data, begins: (1, 0), byte }];
+            let wanted = [Wanted { job: JobId(1), link, data, begins: (1, 0), byte }];
             find(&mut places, &wanted, &snapshots).pop().map(|(_, _, block)| block.text)
         };
         assert_eq!(at(0).as_deref(), Some("N1 G1 X1"));

@@ -1,5 +1,6 @@
 //! The handle's calls that concern links, jobs and the gateway itself.
 
+use softplug_abi::JobId;
 use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read};
 use std::sync::Arc;
@@ -158,7 +159,7 @@ impl Gateway {
         let jobs = self.shared.parts.jobs.reader().list(&Filter::from(filter.clone()))?;
         // Of one that has ended nobody knows more than is written down.
         let live: Vec<_> = jobs.iter().filter(|job| !job.state.is_final()).cloned().collect();
-        let mut views: HashMap<u32, JobView> = if live.is_empty() {
+        let mut views: HashMap<JobId, JobView> = if live.is_empty() {
             HashMap::new()
         } else {
             self.shared.ask(move |control| {
@@ -170,7 +171,7 @@ impl Gateway {
     }
 
     /// One job.
-    pub fn job(&self, id: u32) -> Result<JobView, Refusal> {
+    pub fn job(&self, id: JobId) -> Result<JobView, Refusal> {
         let job = self.shared.parts.jobs.reader().job(id)?;
         let between = self.shared.parts.snapshots.between(&job);
         let last_block = between.ok().and_then(|between| between.last_whole);
@@ -247,7 +248,7 @@ impl Gateway {
             // Dropped: the job fails, and says why.
             Err(_) => drop(feeding),
         }
-        self.job(id)
+        self.job(JobId(id))
     }
 
     /// Puts a job into its link's queue.
@@ -262,23 +263,23 @@ impl Gateway {
     }
 
     /// Pauses a job.
-    pub fn pause(&self, id: u32) -> Result<JobView, Refusal> {
+    pub fn pause(&self, id: JobId) -> Result<JobView, Refusal> {
         self.shared.ask(move |control| control.steer(id, JobCommand::Pause))
     }
 
     /// Ends its pause.
-    pub fn resume(&self, id: u32) -> Result<JobView, Refusal> {
+    pub fn resume(&self, id: JobId) -> Result<JobView, Refusal> {
         self.shared.ask(move |control| control.steer(id, JobCommand::Resume))
     }
 
     /// Aborts a job, or takes it out of the queue.
-    pub fn abort(&self, id: u32) -> Result<JobView, Refusal> {
+    pub fn abort(&self, id: JobId) -> Result<JobView, Refusal> {
         self.shared.ask(move |control| control.steer(id, JobCommand::Abort))
     }
 
     /// Puts a job that has ended into the queue again, as a new job, from a
     /// block on (counted from 1); the whole of it if none is given.
-    pub fn restart(&self, id: u32, from_block: Option<u64>) -> Result<JobView, Refusal> {
+    pub fn restart(&self, id: JobId, from_block: Option<u64>) -> Result<JobView, Refusal> {
         self.refuse_while_stopping()?;
         let parts = &self.shared.parts;
         let _hold = parts.snapshots.hold();
@@ -299,12 +300,12 @@ impl Gateway {
 
     /// Somebody has seen how a job ended, and the jobs of its link before it: they are no
     /// trouble any more.
-    pub fn acknowledge(&self, id: u32) -> Result<JobView, Refusal> {
+    pub fn acknowledge(&self, id: JobId) -> Result<JobView, Refusal> {
         self.shared.ask(move |control| control.acknowledge(id))
     }
 
     /// Gives a job that waits another priority.
-    pub fn prioritise(&self, id: u32, priority: i32) -> Result<JobView, Refusal> {
+    pub fn prioritise(&self, id: JobId, priority: i32) -> Result<JobView, Refusal> {
         self.shared.ask(move |control| control.steer(id, JobCommand::Prioritise(priority)))
     }
 

@@ -1,5 +1,6 @@
 //! Drop folders: which are looked after, and how a file becomes a job.
 
+use softplug_abi::JobId;
 use std::collections::BTreeMap;
 use std::io::{self, Read};
 use std::path::Path;
@@ -121,7 +122,7 @@ impl Queue for LinkQueue {
         self.shared().parts.jobs.reader().claimed(claim)
     }
 
-    fn job(&self, id: u32) -> Result<Job, JobsError> {
+    fn job(&self, id: JobId) -> Result<Job, JobsError> {
         self.shared().parts.jobs.reader().job(id)
     }
 

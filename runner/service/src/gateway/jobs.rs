@@ -1,5 +1,6 @@
 //! Jobs: from the queue to the plug-in, and what people do with them meanwhile.
 
+use softplug_abi::JobId;
 use std::sync::Arc;
 
 use softplug_link::Job as LaneJob;
@@ -100,7 +101,7 @@ impl Control {
             rate: Rate::default(),
             block: None,
         });
-        let lane_job = LaneJob { id: job.id, kind, size, fields, check };
+        let lane_job = LaneJob { id: JobId(job.id.0), kind, size, fields, check };
         let lane = link.lane_id();
         self.drivers.tell(lane, Command::Begin(Feed { job: lane_job, source }));
         Ok(())
@@ -160,11 +161,11 @@ impl Control {
             return Err(Refusal::invalid("job", text));
         }
         self.show_job(&job);
-        Ok((job.id, Stream::new(jobs, job.id, writer)))
+        Ok((job.id.0, Stream::new(jobs, job.id, writer)))
     }
 
     /// The check was good: the data once more.
-    pub(super) fn refill(&mut self, name: &str, id: u32) {
+    pub(super) fn refill(&mut self, name: &str, id: JobId) {
         let Some(running) = self.links.get(name).and_then(|link| link.job.as_ref()) else { return };
         if running.job.id != id {
             return;
@@ -177,7 +178,7 @@ impl Control {
             running.is_check = false;
         }
         let lane = link.lane_id();
-        self.drivers.tell(lane, Command::Refill { job: id, source });
+        self.drivers.tell(lane, Command::Refill { job: JobId(id.0), source });
     }
 
     /// What the feeder tells: the disk, or what is written on it.
@@ -230,7 +231,7 @@ impl Control {
     }
 
     /// Somebody wants a job to pause, to go on or to end.
-    pub(super) fn steer(&mut self, id: u32, command: JobCommand) -> Result<JobView, Refusal> {
+    pub(super) fn steer(&mut self, id: JobId, command: JobCommand) -> Result<JobView, Refusal> {
         let jobs = &self.shared.parts.jobs;
         let job = match command {
             JobCommand::Pause => jobs.pause(id)?,
@@ -244,13 +245,13 @@ impl Control {
         {
             running.job = job.clone();
             let command = match command {
-                JobCommand::Pause => Some(Command::Pause(id)),
+                JobCommand::Pause => Some(Command::Pause(id.0)),
                 // Its cell lets it go on when that is free to do so.
                 JobCommand::Resume if running.is_held_by_cell => None,
-                JobCommand::Resume => Some(Command::Resume(id)),
+                JobCommand::Resume => Some(Command::Resume(id.0)),
                 JobCommand::Abort => {
                     running.ends_as = EndsAs::Aborted;
-                    Some(Command::Abort(id))
+                    Some(Command::Abort(id.0))
                 }
                 JobCommand::Prioritise(_) => None,
             };

@@ -58,10 +58,11 @@ impl JournalWriter {
     }
 
     pub(crate) fn note(&self, note: Note) {
+        let job = note.job.map(|job| job.0);
         if note.weight == Weight::Normal {
-            tracing::info!(link = note.link, job = note.job, "{}", note.text);
+            tracing::info!(link = note.link, job, "{}", note.text);
         } else {
-            tracing::warn!(link = note.link, job = note.job, "{}", note.text);
+            tracing::warn!(link = note.link, job, "{}", note.text);
         }
         self.send(Some(note));
     }

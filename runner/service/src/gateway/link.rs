@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
-use softplug_abi::Failure;
+use softplug_abi::{DeliveryId, Failure, JobId, RequestId};
 use softplug_host::Digest;
 use softplug_live::awaited::awaited;
 use softplug_live::reactor::{AlarmKind, Condition, JobEnd, LaneFigures, LaneId, LaneStatus};
@@ -49,9 +49,9 @@ pub(crate) struct Link {
     pub(crate) alarms: Vec<(AlarmKind, TimeMs)>,
     pub(crate) job: Option<Running>,
     /// What comes, by the plug-in's numbers.
-    pub(crate) deliveries: BTreeMap<u32, Arriving>,
+    pub(crate) deliveries: BTreeMap<DeliveryId, Arriving>,
     /// Requests that are being answered, with the job that an answer is.
-    pub(crate) requests: HashMap<u32, Option<u32>>,
+    pub(crate) requests: HashMap<RequestId, Option<JobId>>,
     pub(crate) swap: Option<Swapping>,
     pub(crate) faults: VecDeque<FaultView>,
     pub(crate) gauge: Option<Gauge>,
@@ -237,10 +237,10 @@ impl Link {
 
     /// What its lane knows of the job under way, if it is this one. The one place where a lane's
     /// figures become a job's.
-    pub(crate) fn lane_progress(&self, job: u32, figures: &LaneFigures) -> Option<LaneProgress> {
+    pub(crate) fn lane_progress(&self, job: JobId, figures: &LaneFigures) -> Option<LaneProgress> {
         let running = self.job.as_ref().filter(|running| running.job.id == job)?;
         let from = running.job.spec.from;
-        let is_known = figures.job == job && !running.is_check;
+        let is_known = figures.job == job.0 && !running.is_check;
         let (taken, surely) = if is_known {
             (from + figures.job_taken, from + figures.job_bytes_surely_left)
         } else {

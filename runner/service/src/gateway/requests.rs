@@ -1,6 +1,6 @@
 //! What machines ask for: programs by name from the panel, words of a memory.
 
-use softplug_abi::Failure;
+use softplug_abi::{Failure, JobId, RequestId};
 use softplug_catalogue::Notations;
 use softplug_live::reactor::Command;
 use softplug_live::store::Mark;
@@ -19,7 +19,7 @@ const PANEL: i32 = i32::MAX;
 /// A request with its fields as text.
 #[derive(Clone, Debug)]
 struct Asked {
-    request: u32,
+    request: RequestId,
     kind: String,
     fields: Vec<(String, String)>,
 }
@@ -87,7 +87,7 @@ impl Asked {
 
 impl Control {
     /// A machine asks for something. Folders are searched elsewhere.
-    pub(super) fn asked(&mut self, name: &str, request: u32, kind: u16, fields: &[u8]) {
+    pub(super) fn asked(&mut self, name: &str, request: RequestId, kind: u16, fields: &[u8]) {
         let Some(link) = self.links.get_mut(name) else { return };
         let Some(known) = link.plugin.plugin.manifest().requests.get(usize::from(kind)) else {
             return;
@@ -141,11 +141,11 @@ impl Control {
                 link.requests.insert(asked.request, Some(job.id));
                 let lane = link.lane_id();
                 let (request, answer) = (asked.request, Ok(Vec::new()));
-                self.drivers.tell(lane, Command::Answer { request, answer });
+                self.drivers.tell(lane, Command::Answer { request: RequestId(request.0), answer });
                 if let Some(running) = &mut link.job {
                     running.ends_as =
                         EndsAs::Interrupted("another program was asked for at the panel");
-                    self.drivers.tell(lane, Command::Abort(running.job.id));
+                    self.drivers.tell(lane, Command::Abort(running.job.id.0));
                 }
                 let text =
                     format!("{}: {}", asked.text(), job.spec.program.as_deref().unwrap_or(""));
@@ -157,7 +157,7 @@ impl Control {
                 link.requests.remove(&asked.request);
                 let lane = link.lane_id();
                 let (request, answer) = (asked.request, Ok(bytes));
-                self.drivers.tell(lane, Command::Answer { request, answer });
+                self.drivers.tell(lane, Command::Answer { request: RequestId(request.0), answer });
                 let text = asked.text();
                 self.shared.parts.journal_writer.link(Subject::Request, Weight::Normal, name, text);
             }
@@ -169,17 +169,17 @@ impl Control {
         link.requests.remove(&asked.request);
         let lane = link.lane_id();
         let (request, answer) = (asked.request, Err(failure));
-        self.drivers.tell(lane, Command::Answer { request, answer });
+        self.drivers.tell(lane, Command::Answer { request: RequestId(request.0), answer });
         let text = format!("{}; refused: {}", asked.text(), failure.text());
         self.shared.parts.journal_writer.link(Subject::Request, Weight::Warning, name, text);
     }
 
     /// The machine no longer wants it.
-    pub(super) fn withdrawn(&mut self, name: &str, request: u32) {
+    pub(super) fn withdrawn(&mut self, name: &str, request: RequestId) {
         let Some(link) = self.links.get_mut(name) else { return };
         let Some(Some(job)) = link.requests.remove(&request) else { return };
-        if link.job.as_ref().is_none_or(|running| running.job.id != job)
-            && let Ok(job) = self.shared.parts.jobs.reader().job(job)
+        if link.job.as_ref().is_none_or(|running| running.job.id != JobId(job.0))
+            && let Ok(job) = self.shared.parts.jobs.reader().job(JobId(job.0))
         {
             self.drop_job(&job);
         }

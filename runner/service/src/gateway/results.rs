@@ -1,5 +1,6 @@
 //! How jobs ended: the last one of each link, and those that nobody has acknowledged.
 
+use softplug_abi::JobId;
 use std::collections::BTreeMap;
 
 use super::Control;
@@ -19,7 +20,7 @@ pub(super) struct Results(BTreeMap<String, Ended>);
 struct Ended {
     last: Option<Job>,
     /// By number.
-    unseen: BTreeMap<u32, Job>,
+    unseen: BTreeMap<JobId, Job>,
 }
 
 impl Results {
@@ -62,7 +63,7 @@ impl Results {
     }
 
     /// This job of a link and those before it, as far as nobody has acknowledged them.
-    fn up_to(&self, link: &str, job: u32) -> Vec<Job> {
+    fn up_to(&self, link: &str, job: JobId) -> Vec<Job> {
         let link = self.0.get(link);
         link.map_or_else(Vec::new, |link| {
             link.unseen.range(..=job).map(|(_, job)| job.clone()).collect()
@@ -72,7 +73,7 @@ impl Results {
 
 impl Control {
     /// Somebody has seen how a job ended, and with it those of its link before it.
-    pub(super) fn acknowledge(&mut self, id: u32) -> Result<JobView, Refusal> {
+    pub(super) fn acknowledge(&mut self, id: JobId) -> Result<JobView, Refusal> {
         let job = self.shared.parts.jobs.reader().job(id)?;
         if !job.state.is_final() {
             let state = job.state.name();

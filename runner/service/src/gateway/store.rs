@@ -114,7 +114,7 @@ impl Gateway {
                 bytes: file.size,
                 at_ms: file.modified,
                 failure: if file.is_failed { reason.or(failed) } else { None },
-                job: job.map(|job| job.id),
+                job: job.map(|job| job.id.0),
                 compared: reception.and_then(|reception| reception.compared).map(|compared| {
                     Compared {
                         job: Some(compared.with),

@@ -1,6 +1,7 @@
 //! What a step of a cell writes down: the cell, what it does to jobs, and what the journal says of it,
 //! all at once or not at all.
 
+use softplug_abi::JobId;
 use softplug_cell::Stop;
 
 use super::store::Change;
@@ -19,7 +20,7 @@ pub struct CellStep {
     /// A job that begins with it.
     pub begins: Option<u32>,
     /// Jobs that were loaded, and are started now.
-    pub started: Vec<u32>,
+    pub started: Vec<JobId>,
     /// Jobs that go on behind a block at which another one stood.
     pub resumed: Vec<Resumed>,
     /// What the journal says.
@@ -30,7 +31,7 @@ pub struct CellStep {
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Arrived {
     /// The job.
-    pub id: u32,
+    pub id: JobId,
     /// Words that are behind it.
     pub passed: u32,
     /// All before this byte has left.
@@ -65,15 +66,15 @@ impl Jobs {
             change.jobs.push(Job { extent, passed, ..job });
         }
         for id in step.started {
-            let mut job = live(&store, id, Step::Begin)?;
+            let mut job = live(&store, JobId(id.0), Step::Begin)?;
             job.spec.start = Some(Start::Given);
             change.notes.push(note(&job, format!("job {id} is started by its cell")));
             change.jobs.push(job);
         }
         if let Some(id) = step.begins {
-            let mut job = live(&store, id, Step::Begin)?;
+            let mut job = live(&store, JobId(id), Step::Begin)?;
             job.state = after(job.state, job.has_begun(), Step::Begin).ok_or(JobsError::State {
-                id,
+                id: JobId(id),
                 state: job.state,
                 step: Step::Begin,
             })?;
@@ -83,7 +84,7 @@ impl Jobs {
         }
         for (at, Resumed { spec, stops, is_paused }) in step.resumed.into_iter().enumerate() {
             let state = if is_paused { State::Paused } else { State::Queued };
-            let job = created(store.next_job() + at as u32, spec, state);
+            let job = created(JobId(store.next_job() + at as u32), spec, state);
             change.notes.push(queued_note(&job));
             change.stops.push((job.id, stops));
             change.jobs.push(job);

@@ -3,6 +3,7 @@
 //! A file is claimed first, by a move into a folder of its own whose name is the claim. The claim is
 //! written down with the job, in one change, and forgotten when the file has been put away.
 
+use softplug_abi::JobId;
 use std::fs::File;
 use std::io::Read as _;
 
@@ -27,7 +28,7 @@ pub struct Claim {
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Claimed {
     /// The job.
-    pub job: u32,
+    pub job: JobId,
     /// Bytes of the file when it was taken.
     pub size: u64,
 }
@@ -115,7 +116,7 @@ impl JobsReader {
         let look = || match self.opened.snapshot()?.open_table(CLAIMS) {
             Ok(table) => Ok(table.get(claim)?.map(|row| {
                 let (job, size) = row.value();
-                Claimed { job, size }
+                Claimed { job: JobId(job), size }
             })),
             Err(TableError::TableDoesNotExist(_)) => Ok(None),
             Err(error) => Err(error.into()),

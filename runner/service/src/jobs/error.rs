@@ -1,5 +1,6 @@
 //! What can go wrong with jobs, by blame.
 
+use softplug_abi::JobId;
 use std::io;
 use std::path::PathBuf;
 
@@ -13,12 +14,12 @@ use crate::disk::{self, DiskError};
 pub enum JobsError {
     /// There is no such job, or it is too old to be known.
     #[error("there is no job {0}")]
-    NotFound(u32),
+    NotFound(JobId),
     /// The job is not in a state for it.
     #[error("job {id} is {}: it cannot be {step}{}", state.name(), hint(*state))]
     State {
         /// The job.
-        id: u32,
+        id: JobId,
         /// Where it stands.
         state: State,
         /// What was asked for.

@@ -1,6 +1,7 @@
 //! A job as it is written down.
 
 use serde::{Deserialize, Serialize};
+use softplug_abi::JobId;
 use softplug_catalogue::is_same_program;
 
 use super::State;
@@ -56,7 +57,7 @@ pub struct JobSpec {
     pub origin: Origin,
     /// The job that this one does again, or goes on with.
     #[serde(default)]
-    pub restarts: Option<u32>,
+    pub restarts: Option<JobId>,
     /// Words of coordination in its program that lie before what it sends.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub words_before: u32,
@@ -182,7 +183,7 @@ pub struct Comparison {
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Job {
     /// Its number, never given twice.
-    pub id: u32,
+    pub id: JobId,
     /// What to do.
     #[serde(flatten)]
     pub spec: JobSpec,
@@ -271,7 +272,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn job(id: u32, priority: i32, state: State, has_begun: bool, kind: Kind) -> Job {
+    fn job(id: JobId, priority: i32, state: State, has_begun: bool, kind: Kind) -> Job {
         Job {
             id,
             spec: JobSpec { priority, ..JobSpec::new("a", kind, "send") },
@@ -292,11 +293,16 @@ mod tests {
     #[test]
     fn the_highest_goes_first_and_among_equals_the_oldest() {
         let queued = |id, priority| job(id, priority, State::Queued, false, Kind::Send);
-        let mut jobs = vec![queued(1, 0), queued(2, 5), queued(3, 5), queued(4, -1)];
-        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(2));
-        jobs.push(job(5, 0, State::Running, true, Kind::Receive));
-        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(2));
-        jobs.push(job(6, 0, State::Paused, true, Kind::Send));
+        let mut jobs = vec![
+            queued(JobId(1), 0),
+            queued(JobId(2), 5),
+            queued(JobId(3), 5),
+            queued(JobId(4), -1),
+        ];
+        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(JobId(2)));
+        jobs.push(job(JobId(5), 0, State::Running, true, Kind::Receive));
+        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(JobId(2)));
+        jobs.push(job(JobId(6), 0, State::Paused, true, Kind::Send));
         assert_eq!(next(jobs.iter()), None);
     }
 
@@ -307,10 +313,10 @@ mod tests {
             job.spec.start = start;
             job
         };
-        let jobs = [queued(1, 0, None), queued(2, 9, Some(Start::Awaited))];
-        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(1));
-        let jobs = [queued(1, 9, None), queued(2, 0, Some(Start::Given))];
-        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(2));
+        let jobs = [queued(JobId(1), 0, None), queued(JobId(2), 9, Some(Start::Awaited))];
+        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(JobId(1)));
+        let jobs = [queued(JobId(1), 9, None), queued(JobId(2), 0, Some(Start::Given))];
+        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(JobId(2)));
     }
 
     proptest! {
@@ -319,7 +325,7 @@ mod tests {
             jobs in proptest::collection::vec((any::<i32>(), 0..7_usize, any::<bool>()), 0..12)
         ) {
             let jobs: Vec<_> = (1..).zip(jobs).map(|(id, (priority, state, begun))| {
-                job(id, priority, super::super::state::ALL[state], begun, Kind::Send)
+                job(JobId(id), priority, super::super::state::ALL[state], begun, Kind::Send)
             }).collect();
             match next(jobs.iter()) {
                 None => prop_assert!(
@@ -339,12 +345,12 @@ mod tests {
     #[test]
     fn what_is_written_is_read_also_if_it_is_from_an_older_gateway() {
         let data = Data { digest: Digest::of(b"G1"), size: 2 };
-        let mut one = job(1, 3, State::Running, true, Kind::Send);
+        let mut one = job(JobId(1), 3, State::Running, true, Kind::Send);
         one.spec = JobSpec::send("lathe", "O1", data);
         let text = serde_json::to_string(&one).unwrap();
         assert_eq!(serde_json::from_str::<Job>(&text).unwrap(), one);
         let old = r#"{"id": 7, "link": "a", "kind": "send", "state": "queued", "created": 1}"#;
         let old: Job = serde_json::from_str(old).unwrap();
-        assert_eq!((old.id, old.spec.origin, old.size()), (7, Origin::Order, 0));
+        assert_eq!((old.id, old.spec.origin, old.size()), (JobId(7), Origin::Order, 0));
     }
 }

@@ -1,6 +1,7 @@
 //! The journal: what happened, when, to which link and job.
 
 use serde::{Deserialize, Serialize};
+use softplug_abi::JobId;
 use softplug_live::is_plain;
 
 pub use crate::view::{JournalKind as Subject, JournalWeight as Weight};
@@ -21,7 +22,7 @@ pub struct Note {
     pub link: Option<String>,
     /// The job.
     #[serde(default)]
-    pub job: Option<u32>,
+    pub job: Option<JobId>,
     /// One sentence.
     pub text: String,
 }
@@ -38,7 +39,7 @@ impl Note {
     }
 
     /// This entry about a job.
-    pub fn of_job(self, job: u32) -> Self {
+    pub fn of_job(self, job: JobId) -> Self {
         Self { job: Some(job), ..self }
     }
 
@@ -81,7 +82,7 @@ pub struct EntryFilter {
     /// Of this link only.
     pub link: Option<String>,
     /// Of this job only.
-    pub job: Option<u32>,
+    pub job: Option<JobId>,
     /// About this only.
     pub subject: Option<Subject>,
     /// That matter at least so much.

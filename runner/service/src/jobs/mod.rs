@@ -40,6 +40,7 @@ pub use reading::JobsReader;
 pub use state::{State, Step, after};
 pub use tables::Sent;
 
+use softplug_abi::JobId;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, RwLock};
@@ -137,7 +138,7 @@ pub enum Ending {
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Advance {
     /// The job.
-    pub id: u32,
+    pub id: JobId,
     /// Nothing from this byte on is given away before more is granted.
     pub grant: Option<u64>,
     /// All before this byte has left.
@@ -256,7 +257,7 @@ impl Jobs {
         }
         // New work is taken only with the reserve in place.
         store.load_ballast()?;
-        let job = created(store.next_job(), spec, State::Queued);
+        let job = created(JobId(store.next_job()), spec, State::Queued);
         let notes = vec![queued_note(&job)];
         let stops = if stops.is_empty() { Vec::new() } else { vec![(job.id, stops)] };
         let claimed = claim.map(|claim| (claim.name.clone(), Some((job.id, claim.size))));
@@ -276,7 +277,7 @@ impl Jobs {
     ///
     /// # Errors
     /// It cannot be written down, or does not wait. It must not be given away then.
-    pub fn begin(&self, id: u32) -> Result<Job, JobsError> {
+    pub fn begin(&self, id: JobId) -> Result<Job, JobsError> {
         self.step(id, Step::Begin, |job, now| Some(begun(job, now)))
     }
 
@@ -284,7 +285,7 @@ impl Jobs {
     ///
     /// # Errors
     /// It has ended, or is paused, or it cannot be written down.
-    pub fn pause(&self, id: u32) -> Result<Job, JobsError> {
+    pub fn pause(&self, id: JobId) -> Result<Job, JobsError> {
         self.step(id, Step::Pause, |job, _| Some(format!("job {} is paused", job.id)))
     }
 
@@ -292,7 +293,7 @@ impl Jobs {
     ///
     /// # Errors
     /// It is not paused, or it cannot be written down.
-    pub fn resume(&self, id: u32) -> Result<Job, JobsError> {
+    pub fn resume(&self, id: JobId) -> Result<Job, JobsError> {
         self.step(id, Step::Resume, |job, _| Some(format!("job {} goes on", job.id)))
     }
 
@@ -301,7 +302,7 @@ impl Jobs {
     ///
     /// # Errors
     /// It has ended, or it cannot be written down.
-    pub fn abort(&self, id: u32) -> Result<Job, JobsError> {
+    pub fn abort(&self, id: JobId) -> Result<Job, JobsError> {
         self.step(id, Step::Abort, |job, now| {
             if job.has_begun() {
                 return Some(format!("job {} is to be aborted", job.id));
@@ -315,7 +316,7 @@ impl Jobs {
     ///
     /// # Errors
     /// It has ended, or it cannot be written down.
-    pub fn prioritise(&self, id: u32, priority: i32) -> Result<Job, JobsError> {
+    pub fn prioritise(&self, id: JobId, priority: i32) -> Result<Job, JobsError> {
         let mut store = self.store();
         let mut job = live(&store, id, Step::Pause)?;
         job.spec.priority = priority;
@@ -328,7 +329,7 @@ impl Jobs {
     ///
     /// # Errors
     /// It is not under way, or it cannot be written down.
-    pub fn end(&self, id: u32, ending: Ending, left: Option<Left>) -> Result<Job, JobsError> {
+    pub fn end(&self, id: JobId, ending: Ending, left: Option<Left>) -> Result<Job, JobsError> {
         let mut store = self.store();
         let mut job = live(&store, id, Step::End(State::Done))?;
         let (state, reason) = match ending {
@@ -423,7 +424,7 @@ impl Jobs {
     /// written down.
     pub fn restart(
         &self,
-        id: u32,
+        id: JobId,
         at: BeginAt,
         field: Option<&str>,
         snapshots: &Snapshots,
@@ -448,7 +449,7 @@ impl Jobs {
 
     fn step(
         &self,
-        id: u32,
+        id: JobId,
         step: Step,
         change: impl FnOnce(&mut Job, u64) -> Option<String>,
     ) -> Result<Job, JobsError> {
@@ -501,7 +502,7 @@ fn queued_note(job: &Job) -> Note {
     note(job, format!("job {} is queued: {}", job.id, what(job)))
 }
 
-fn created(id: u32, spec: JobSpec, state: State) -> Job {
+fn created(id: JobId, spec: JobSpec, state: State) -> Job {
     Job {
         id,
         passed: spec.words_before,
@@ -525,7 +526,7 @@ fn put(store: &mut JobStore, job: Job, notes: Vec<Note>) -> Result<Job, JobsErro
     Ok(change.jobs.into_iter().next().expect("it was just put there"))
 }
 
-fn live(store: &JobStore, id: u32, step: Step) -> Result<Job, JobsError> {
+fn live(store: &JobStore, id: JobId, step: Step) -> Result<Job, JobsError> {
     if let Some(job) = store.known().live.get(&id) {
         return Ok(job.clone());
     }

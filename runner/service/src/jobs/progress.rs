@@ -140,12 +140,13 @@ pub(crate) fn grouped(number: u64) -> String {
 mod tests {
     use super::*;
     use crate::jobs::{Data, JobSpec};
+    use softplug_abi::JobId;
     use softplug_host::Digest;
 
     fn job(state: State, from: u64, surely: u64, maybe: u64) -> Job {
         let data = Data { digest: Digest::of(b"G1"), size: 40_015 };
         let spec = JobSpec { from, ..JobSpec::send("lathe", "O1", data) };
-        let mut job = super::super::created(1, spec, state);
+        let mut job = super::super::created(JobId(1), spec, state);
         job.began = (state != State::Queued).then_some(1);
         job.extent = Extent { surely, maybe };
         job

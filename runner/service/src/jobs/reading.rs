@@ -4,6 +4,7 @@
 //! There is nothing here by which a reader could keep a writer waiting: no turn, no lock but a
 //! shared one, which is taken alone only while a database is opened anew after an error.
 
+use softplug_abi::JobId;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError, RwLock};
@@ -55,9 +56,9 @@ impl Opened {
         self.with(|database| Ok(database.begin_read()?))
     }
 
-    pub(super) fn job(&self, id: u32) -> Result<Option<Job>, redb::Error> {
+    pub(super) fn job(&self, id: JobId) -> Result<Option<Job>, redb::Error> {
         let table = self.snapshot()?.open_table(JOBS)?;
-        Ok(table.get(id)?.and_then(|value| decoded(value.value())))
+        Ok(table.get(id.0)?.and_then(|value| decoded(value.value())))
     }
 }
 
@@ -72,7 +73,7 @@ impl JobsReader {
     ///
     /// # Errors
     /// There is none, or the database cannot be read.
-    pub fn job(&self, id: u32) -> Result<Job, JobsError> {
+    pub fn job(&self, id: JobId) -> Result<Job, JobsError> {
         self.tell(self.opened.job(id))?.ok_or(JobsError::NotFound(id))
     }
 
@@ -123,9 +124,9 @@ impl JobsReader {
     ///
     /// # Errors
     /// The database cannot be read.
-    pub fn stops(&self, id: u32) -> Result<Vec<Stop>, JobsError> {
+    pub fn stops(&self, id: JobId) -> Result<Vec<Stop>, JobsError> {
         let look = || match self.opened.snapshot()?.open_table(STOPS) {
-            Ok(table) => Ok(table.get(id)?.and_then(|value| decoded(value.value()))),
+            Ok(table) => Ok(table.get(id.0)?.and_then(|value| decoded(value.value()))),
             Err(TableError::TableDoesNotExist(_)) => Ok(None),
             Err(error) => Err(error.into()),
         };

@@ -6,6 +6,7 @@ use super::{
     Job, JobSpec, Jobs, JobsError, Kind, Origin, Reason, Reception, State, Step, Today, created,
     live, now,
 };
+use softplug_abi::JobId;
 
 impl Jobs {
     /// A machine sends of its own accord: a job that is under way already.
@@ -15,7 +16,7 @@ impl Jobs {
     pub fn receive(&self, link: &str) -> Result<Job, JobsError> {
         let mut store = self.store();
         let spec = JobSpec { origin: Origin::Machine, ..JobSpec::new(link, Kind::Receive, "") };
-        let mut job = created(store.next_job(), spec, State::Running);
+        let mut job = created(JobId(store.next_job()), spec, State::Running);
         job.began = Some(job.created);
         let notes = vec![note(&job, format!("job {}: the machine sends", job.id))];
         let came = Some((link.to_owned(), 1, 0));
@@ -31,7 +32,7 @@ impl Jobs {
     /// The job is not under way, or it cannot be written down.
     pub fn received(
         &self,
-        id: u32,
+        id: JobId,
         name: Option<String>,
         reception: Reception,
         reason: Option<Reason>,
@@ -68,7 +69,7 @@ impl Jobs {
     /// It cannot be written down.
     pub fn recovered(
         &self,
-        id: u32,
+        id: JobId,
         link: Option<&str>,
         file: String,
         bytes: u64,
@@ -83,7 +84,7 @@ impl Jobs {
             (None, Some(link)) => {
                 let spec =
                     JobSpec { origin: Origin::Machine, ..JobSpec::new(link, Kind::Receive, "") };
-                let mut job = created(store.next_job(), spec, State::Interrupted);
+                let mut job = created(JobId(store.next_job()), spec, State::Interrupted);
                 (job.began, job.ended) = (Some(job.created), Some(job.created));
                 job.reason = Some(reason.clone());
                 job.is_unseen = job.has_ended_badly();

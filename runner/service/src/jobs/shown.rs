@@ -2,6 +2,7 @@
 
 use super::{Entry, EntryFilter, Job, JobFilter, JobSpec, LaneProgress};
 use crate::view::{self, JobBrief, JobView, JournalEntry};
+use softplug_abi::JobId;
 
 /// What a list has if nothing is said, and at most.
 const LISTED: (u32, u32) = (100, 1_000);
@@ -12,7 +13,7 @@ impl Job {
         let JobSpec { link, job_kind, fields, program, .. } = self.spec.clone();
         let named = self.other_name().map(ToOwned::to_owned);
         JobView {
-            id: self.id,
+            id: self.id.0,
             link,
             kind: kind_name(job_kind),
             state: self.state,
@@ -33,7 +34,7 @@ impl Job {
             message: self.reason.as_ref().map(|reason| reason.text.clone()),
             check: self.reason.as_ref().and_then(|reason| reason.check.clone()),
             answer: self.reception.as_ref().and_then(|reception| reception.file.clone()),
-            restart_of: self.spec.restarts,
+            restart_of: self.spec.restarts.map(|job| job.0),
             is_unseen: self.is_unseen,
         }
     }
@@ -41,7 +42,7 @@ impl Job {
     /// In short.
     pub fn brief(&self, lane_progress: Option<&LaneProgress>) -> JobBrief {
         JobBrief {
-            id: self.id,
+            id: self.id.0,
             kind: kind_name(self.spec.job_kind.clone()),
             program: self.spec.program.clone(),
             state: self.state,
@@ -60,7 +61,7 @@ pub(super) fn kind_name(kind: String) -> String {
 impl From<Entry> for JournalEntry {
     fn from(Entry { number, time, note }: Entry) -> Self {
         let super::Note { subject, weight, link, job, text } = note;
-        Self { number, at_ms: time, kind: subject, link, job, weight, text }
+        Self { number, at_ms: time, kind: subject, link, job: job.map(|job| job.0), weight, text }
     }
 }
 
@@ -80,6 +81,16 @@ impl From<view::JournalFilter> for EntryFilter {
         let most = limit.unwrap_or(LISTED.0).min(LISTED.1) as usize;
         let find = find.map(|find| find.to_lowercase());
         let (since, until) = (since_ms, until_ms);
-        Self { link, job, subject: kind, find, since, until, before, most, ..Self::default() }
+        Self {
+            link,
+            job: job.map(JobId),
+            subject: kind,
+            find,
+            since,
+            until,
+            before,
+            most,
+            ..Self::default()
+        }
     }
 }

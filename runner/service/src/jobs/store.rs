@@ -1,5 +1,6 @@
 //! Jobs and journal on the disk: what is in memory here is what is there.
 
+use softplug_abi::JobId;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io;
@@ -47,9 +48,9 @@ pub(super) struct Change {
     /// A cell as it is now, encoded.
     pub(super) cell: Option<(String, Vec<u8>)>,
     /// Where the feeds of these jobs stop.
-    pub(super) stops: Vec<(u32, Vec<Stop>)>,
+    pub(super) stops: Vec<(JobId, Vec<Stop>)>,
     /// A claim with its job and the bytes of its file; none: it is settled, and forgotten.
-    pub(super) claimed: Option<(String, Option<(u32, u64)>)>,
+    pub(super) claimed: Option<(String, Option<(JobId, u64)>)>,
     /// A drop folder that is looked after from now on.
     pub(super) drop_folder: Option<String>,
     /// Who has these jobs, as drop folders know it.
@@ -61,7 +62,7 @@ pub(super) struct Change {
 #[derive(Debug, Default)]
 pub(super) struct Known {
     /// All jobs that have not ended.
-    pub(super) live: BTreeMap<u32, Job>,
+    pub(super) live: BTreeMap<JobId, Job>,
     today: BTreeMap<String, Today>,
 }
 
@@ -147,7 +148,7 @@ impl JobStore {
             } else {
                 known.live.insert(job.id, job.clone());
             }
-            self.next_job = self.next_job.max(job.id + 1);
+            self.next_job = self.next_job.max(job.id.0 + 1);
         }
         if let Some((link, today)) = today_after(&known, change, now) {
             known.today.insert(link.to_owned(), today);
@@ -162,7 +163,7 @@ impl JobStore {
     }
 
     /// A job, also one that has ended.
-    pub(super) fn job(&self, id: u32) -> Result<Option<Job>, StoreError> {
+    pub(super) fn job(&self, id: JobId) -> Result<Option<Job>, StoreError> {
         if let Some(job) = self.known().live.get(&id) {
             return Ok(Some(job.clone()));
         }
@@ -175,17 +176,17 @@ impl JobStore {
             self.reopen()?;
         }
         let (first_new, keep) = (self.next_entry, self.keep);
-        let next_job = change.jobs.iter().map(|job| job.id + 1).fold(self.next_job, u32::max);
+        let next_job = change.jobs.iter().map(|job| job.id.0 + 1).fold(self.next_job, u32::max);
         self.opened.with(|database| {
             let writing = database.begin_write()?;
             {
                 let mut jobs = JobTables::open(&writing)?;
-                let known = |id: u32| self.known().live.get(&id).map(|job| job.state);
+                let known = |id: JobId| self.known().live.get(&id).map(|job| job.state);
                 for job in &change.jobs {
                     jobs.put(job, known(job.id))?;
                 }
                 for (id, stops) in &change.stops {
-                    jobs.put_stops(*id, stops)?;
+                    jobs.put_stops(JobId(id.0), stops)?;
                 }
                 if let Some((name, cell)) = &change.cell {
                     writing.open_table(CELLS)?.insert(&**name, &**cell)?;
@@ -215,7 +216,7 @@ impl JobStore {
                 if let Some((claim, job)) = &change.claimed {
                     let mut claims = writing.open_table(CLAIMS)?;
                     match job {
-                        Some(job) => drop(claims.insert(&**claim, job)?),
+                        Some(job) => drop(claims.insert(&**claim, (job.0.0, job.1))?),
                         None => drop(claims.remove(&**claim)?),
                     }
                 }
@@ -252,7 +253,7 @@ impl JobStore {
             let (id, value) = row?;
             match decoded::<Job>(value.value()) {
                 Some(job) if job.state.is_final() => {}
-                Some(job) => drop(known.live.insert(id.value(), job)),
+                Some(job) => drop(known.live.insert(JobId(id.value()), job)),
                 None => {
                     tracing::error!(job = id.value(), "this job cannot be read, it is left out");
                 }

@@ -6,6 +6,7 @@ use redb::{
 };
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use softplug_abi::JobId;
 use softplug_cell::Stop;
 
 use super::{Data, Job, State};
@@ -41,7 +42,7 @@ const PRUNED_AT_ONCE: usize = 8;
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Sent {
     /// The job.
-    pub job: u32,
+    pub job: JobId,
     /// What it sent.
     #[serde(flatten)]
     pub data: Data,
@@ -101,23 +102,23 @@ impl<'txn> JobTables<'txn> {
         };
         let link = &*job.spec.link;
         if let Some(before) = before.filter(|before| *before != job.state) {
-            self.by_state.remove((code(before), job.id))?;
-            self.by_link.remove((link, code(before), job.id))?;
+            self.by_state.remove((code(before), job.id.0))?;
+            self.by_link.remove((link, code(before), job.id.0))?;
         }
         if before != Some(job.state) {
-            self.by_state.insert((code(job.state), job.id), ())?;
-            self.by_link.insert((link, code(job.state), job.id), ())?;
+            self.by_state.insert((code(job.state), job.id.0), ())?;
+            self.by_link.insert((link, code(job.state), job.id.0), ())?;
         }
         if let Some(file) = job.file() {
-            self.received.insert((link, file), job.id)?;
+            self.received.insert((link, file), job.id.0)?;
         }
-        self.jobs.insert(job.id, &*encoded(job))?;
+        self.jobs.insert(job.id.0, &*encoded(job))?;
         Ok(())
     }
 
     /// Writes where the feed of a job stops.
-    pub(super) fn put_stops(&mut self, id: u32, stops: &[Stop]) -> Result<(), redb::Error> {
-        self.stops.insert(id, &*encoded(&stops))?;
+    pub(super) fn put_stops(&mut self, id: JobId, stops: &[Stop]) -> Result<(), redb::Error> {
+        self.stops.insert(id.0, &*encoded(&stops))?;
         Ok(())
     }
 
@@ -126,7 +127,7 @@ impl<'txn> JobTables<'txn> {
         let excess = (self.jobs.len()? as usize).saturating_sub(most);
         for _ in 0..excess.min(PRUNED_AT_ONCE) {
             let Some(id) = self.oldest_ended()? else { break };
-            self.remove(id)?;
+            self.remove(JobId(id))?;
         }
         Ok(())
     }
@@ -152,8 +153,8 @@ impl<'txn> JobTables<'txn> {
         Ok(())
     }
 
-    fn job(&self, id: u32) -> Result<Option<Job>, redb::Error> {
-        Ok(self.jobs.get(id)?.and_then(|value| decoded(value.value())))
+    fn job(&self, id: JobId) -> Result<Option<Job>, redb::Error> {
+        Ok(self.jobs.get(id.0)?.and_then(|value| decoded(value.value())))
     }
 
     fn oldest_ended(&self) -> Result<Option<u32>, redb::Error> {
@@ -168,17 +169,17 @@ impl<'txn> JobTables<'txn> {
         Ok(oldest)
     }
 
-    fn remove(&mut self, id: u32) -> Result<(), redb::Error> {
+    fn remove(&mut self, id: JobId) -> Result<(), redb::Error> {
         let job = self.job(id)?;
-        self.jobs.remove(id)?;
-        self.stops.remove(id)?;
+        self.jobs.remove(id.0)?;
+        self.stops.remove(id.0)?;
         let Some(job) = job else { return Ok(()) };
         let link = &*job.spec.link;
-        self.by_state.remove((code(job.state), id))?;
-        self.by_link.remove((link, code(job.state), id))?;
+        self.by_state.remove((code(job.state), id.0))?;
+        self.by_link.remove((link, code(job.state), id.0))?;
         if let Some(file) = job.file() {
             // A later one may have the name.
-            let is_its = self.received.get((link, file))?.is_some_and(|of| of.value() == id);
+            let is_its = self.received.get((link, file))?.is_some_and(|of| of.value() == id.0);
             if is_its {
                 self.received.remove((link, file))?;
             }

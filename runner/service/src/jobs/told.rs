@@ -1,5 +1,6 @@
 //! What the journal says of jobs.
 
+use softplug_abi::JobId;
 use std::fmt::Write as _;
 
 use super::{Comparison, Job, Kind, Note, Reason, Reception, State, Subject, Weight};
@@ -65,7 +66,7 @@ pub(super) fn received_note(
 }
 
 fn received_text(
-    id: u32,
+    id: JobId,
     name: Option<&str>,
     reception: &Reception,
     reason: Option<&Reason>,

@@ -1,6 +1,7 @@
 //! What machines have sent: a folder for each link. Nothing is overwritten, what is not
 //! whole is marked, and what is said to be there is on the disk.
 
+use softplug_abi::JobId;
 use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io;
@@ -65,7 +66,7 @@ pub struct LeftOver {
     /// The folder among the receptions.
     pub place: String,
     /// The job that it belongs to.
-    pub job: u32,
+    pub job: JobId,
     /// Where it is kept.
     pub arrived: Arrived,
 }
@@ -96,7 +97,7 @@ impl Receptions {
     ///
     /// # Errors
     /// No file can be made.
-    pub fn begin(&self, place: &str, job: u32) -> Result<Arrival, ProgramError> {
+    pub fn begin(&self, place: &str, job: JobId) -> Result<Arrival, ProgramError> {
         let folder = self.place(place)?;
         make_folder(&folder)?;
         let mut inbox = Inbox::new(&folder).map_err(DiskError::when("write into", &folder))?;
@@ -122,7 +123,7 @@ impl Receptions {
             for (stem, kept) in left.map_err(failed)? {
                 // A second one of the same job has a number behind it.
                 let job = stem.strip_prefix("job-").and_then(|rest| rest.split('-').next());
-                if let Some(job) = job.and_then(|job| job.parse().ok()) {
+                if let Some(job) = job.and_then(|job| job.parse().ok().map(JobId)) {
                     let (path, bytes) = (kept.path, kept.bytes);
                     let arrived = Arrived { path, name: None, bytes };
                     recovered.push(LeftOver { place: place.clone(), job, arrived });
@@ -239,7 +240,7 @@ mod tests {
         let own = Notations::before_known(vec!["({name})".parse().unwrap()]);
         receptions.set_names(HashMap::from([("deckel".to_owned(), own)]));
         let receive = |place, text: &str| {
-            let mut arrival = receptions.begin(place, 1).unwrap();
+            let mut arrival = receptions.begin(place, JobId(1)).unwrap();
             arrival.write(text.as_bytes()).unwrap();
             arrival.end(None, Mark::Complete).unwrap().file().unwrap()
         };
@@ -261,20 +262,20 @@ mod tests {
             arrival.end(name, mark).unwrap().file()
         };
         let file = |name: &str| Some(name.to_owned());
-        assert_eq!(receive(1, "%\nO7\nM30", None, Mark::Complete), file("O7"));
-        assert_eq!(receive(2, "%\nO7\nM30", Some("O7"), Mark::Complete), file("O7-2"));
-        assert_eq!(receive(3, "%\nO7\nM3", None, Mark::Failed), file("O7.failed"));
-        assert_eq!(receive(4, "N10", Some("../x"), Mark::Complete), file("_x"));
-        let mut killed = receptions.begin("lathe 1", 5).unwrap();
+        assert_eq!(receive(JobId(1), "%\nO7\nM30", None, Mark::Complete), file("O7"));
+        assert_eq!(receive(JobId(2), "%\nO7\nM30", Some("O7"), Mark::Complete), file("O7-2"));
+        assert_eq!(receive(JobId(3), "%\nO7\nM3", None, Mark::Failed), file("O7.failed"));
+        assert_eq!(receive(JobId(4), "N10", Some("../x"), Mark::Complete), file("_x"));
+        let mut killed = receptions.begin("lathe 1", JobId(5)).unwrap();
         killed.write(b"half").unwrap();
-        let nothing = receptions.begin("lathe 1", 6).unwrap();
+        let nothing = receptions.begin("lathe 1", JobId(6)).unwrap();
         std::mem::forget((killed, nothing));
 
         let recovered = receptions.recover().unwrap();
         assert_eq!(recovered.len(), 2);
         let of = |job| recovered.iter().find(|left| left.job == job).unwrap().arrived.clone();
-        assert_eq!((of(5).file(), of(5).bytes), (file("000001.failed"), 4));
-        assert_eq!((of(6).file(), of(6).bytes), (None, 0));
+        assert_eq!((of(JobId(5)).file(), of(JobId(5)).bytes), (file("000001.failed"), 4));
+        assert_eq!((of(JobId(6)).file(), of(JobId(6)).bytes), (None, 0));
         assert_eq!(receptions.recover().unwrap(), []);
 
         let listed = receptions.list("lathe 1").unwrap();

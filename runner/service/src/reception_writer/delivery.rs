@@ -2,7 +2,7 @@
 
 use std::fs::File;
 
-use softplug_abi::Failure;
+use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_live::reservoir::{Drawn, ReservoirReader};
 use softplug_live::store::Mark;
 
@@ -14,10 +14,10 @@ use crate::programs::{Arrival, Arrived, first_difference};
 const TURNS: usize = 4;
 
 pub(super) struct Delivery {
-    pub(super) id: u32,
+    pub(super) id: DeliveryId,
     pub(super) link: String,
     place: String,
-    answers: Option<u32>,
+    answers: Option<JobId>,
     bytes: ReservoirReader,
     pub(super) name: Option<String>,
     end: Option<End>,
@@ -112,10 +112,10 @@ impl Delivery {
                 tell(ReceptionWriterNews::Begun(Box::new(job)));
                 id
             };
-            self.stage = Stage::Numbered(job);
+            self.stage = Stage::Numbered(job.0);
         }
         if let Stage::Numbered(job) = self.stage {
-            let arrival = stores.receptions.begin(&self.place, job);
+            let arrival = stores.receptions.begin(&self.place, JobId(job));
             let arrival = arrival.map_err(|error| error.to_string())?;
             self.stage = Stage::Coming(job, Box::new(arrival));
         }
@@ -216,7 +216,7 @@ impl Delivery {
             compared: compare(stores, &self.link, arrived),
         };
         let name = arrived.name.clone();
-        match stores.jobs.received(*job, name, reception, reason.clone()) {
+        match stores.jobs.received(JobId(*job), name, reception, reason.clone()) {
             Ok(job) => tell(ReceptionWriterNews::Kept(Box::new(job))),
             Err(error @ (crate::jobs::JobsError::Disk(_) | crate::jobs::JobsError::Store(_))) => {
                 return Err(error.to_string());
@@ -235,5 +235,5 @@ fn compare(stores: &Stores, link: &str, arrived: &Arrived) -> Option<Comparison>
     let sent = stores.jobs.reader().last_sent(link, name).ok()??;
     let (one, other) = (File::open(path).ok()?, stores.snapshots.open(sent.data).ok()?);
     let differs_at = first_difference(one, other).ok()?;
-    Some(Comparison { with: sent.job, differs_at })
+    Some(Comparison { with: sent.job.0, differs_at })
 }

@@ -13,7 +13,7 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use softplug_abi::Failure;
+use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_live::reactor::LaneId;
 use softplug_live::reservoir::ReservoirReader;
 
@@ -35,9 +35,9 @@ pub struct Incoming {
     /// The folder for it among the receptions.
     pub place: String,
     /// The plug-in's id for it.
-    pub delivery: u32,
+    pub delivery: DeliveryId,
     /// The job that it answers.
-    pub job: Option<u32>,
+    pub job: Option<JobId>,
     /// Its bytes.
     pub bytes: ReservoirReader,
 }
@@ -73,8 +73,8 @@ pub struct ReceptionWriter {
 #[derive(Debug)]
 enum Request {
     Take(Box<Incoming>),
-    Name { lane: LaneId, delivery: u32, name: String },
-    End { lane: LaneId, delivery: u32, failure: Option<Failure>, status: u16, bytes: u64 },
+    Name { lane: LaneId, delivery: DeliveryId, name: String },
+    End { lane: LaneId, delivery: DeliveryId, failure: Option<Failure>, status: u16, bytes: u64 },
     Lose(LaneId),
 }
 
@@ -106,7 +106,7 @@ impl ReceptionWriter {
     }
 
     /// Its name was found. From the line: nothing in it is trusted.
-    pub fn name(&self, lane: LaneId, delivery: u32, name: String) {
+    pub fn name(&self, lane: LaneId, delivery: DeliveryId, name: String) {
         self.request(Request::Name { lane, delivery, name });
     }
 
@@ -114,7 +114,7 @@ impl ReceptionWriter {
     pub fn end(
         &self,
         lane: LaneId,
-        delivery: u32,
+        delivery: DeliveryId,
         failure: Option<Failure>,
         status: u16,
         bytes: u64,
@@ -237,7 +237,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
     }
 
     /// The one that has not ended, if the plug-in has used an id again.
-    fn find(&mut self, lane: LaneId, id: u32) -> Option<&mut Delivery> {
+    fn find(&mut self, lane: LaneId, id: DeliveryId) -> Option<&mut Delivery> {
         self.of(lane).find(|delivery| delivery.id == id && !delivery.has_ended())
     }
 

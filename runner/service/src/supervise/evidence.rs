@@ -146,7 +146,7 @@ fn under_way(known: &UnderWay) -> Option<Exact> {
     }
     facts.extend(delivery.map(|delivery| fact("delivery", delivery.to_string())));
     if !requests.is_empty() {
-        let ids: Vec<String> = requests.iter().map(u32::to_string).collect();
+        let ids: Vec<String> = requests.iter().map(ToString::to_string).collect();
         facts.push(fact("requests", ids.join(",")));
     }
     if *marks > 0 {
@@ -229,6 +229,7 @@ fn line_settings(recording: &Recording) -> LineSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use softplug_abi::RequestId;
     use softplug_abi::{EventKind, Instance, Micros};
     use softplug_conformance::{Case, FaultClass, Permutation, Sandboxed, replay};
     use softplug_host::{Host, HostOptions, Plugin, Session};
@@ -334,7 +335,8 @@ mod tests {
     fn large_events_are_cut_to_lines() {
         let bytes = vec![7; 20_000];
         let mut encoded = vec![0; 20_100];
-        let event = Event::Answer { request: 1, refused: None, more: false, bytes: &bytes };
+        let event =
+            Event::Answer { request: RequestId(1), refused: None, more: false, bytes: &bytes };
         let length = event.encode(&mut encoded).unwrap();
         let at = Micros(5);
         let kept = Kept { at, kind: EventKind::Answer, payload: &encoded[..length] };

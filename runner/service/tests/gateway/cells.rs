@@ -1,5 +1,6 @@
 //! Cells: programs on ptys that wait for each other, start each other and hand axes over.
 
+use softplug_abi::JobId;
 use std::fmt::Write as _;
 use std::fs;
 use std::thread::sleep;
@@ -61,7 +62,7 @@ fn waits(shop: &Shop, at: usize) {
 }
 
 fn is_done(shop: &Shop, job: u32) {
-    wait_for("the job's end", || shop.gateway().job(job).unwrap().state == JobState::Done);
+    wait_for("the job's end", || shop.gateway().job(JobId(job)).unwrap().state == JobState::Done);
 }
 
 #[test]
@@ -157,8 +158,8 @@ fn a_program_loads_and_starts_another() {
     wait_for("what is loaded", || gateway.jobs(&filter).unwrap()[0].id > three);
     let loaded = gateway.jobs(&filter).unwrap()[0].clone();
     sleep(A_WHILE);
-    assert_eq!(gateway.job(loaded.id).unwrap().state, JobState::Queued);
-    gateway.abort(loaded.id).unwrap();
+    assert_eq!(gateway.job(JobId(loaded.id)).unwrap().state, JobState::Queued);
+    gateway.abort(JobId(loaded.id)).unwrap();
     wait_for("an empty place", || view(&shop).channels[1].loaded.is_none());
 }
 
@@ -210,11 +211,11 @@ fn who_waits_for_each_other_is_told_at_once() {
     let text = &view(&shop).stuck[0].text;
     assert_eq!(text, "link-0 waits at mark 10 for link-1: end the program of link-0");
     assert!(journal_says(gateway, "shafts: deadlock: link-0 and link-1 wait for each other"));
-    gateway.abort(two).unwrap();
-    wait_for("its end", || gateway.job(two).unwrap().ended_ms.is_some());
+    gateway.abort(JobId(two)).unwrap();
+    wait_for("its end", || gateway.job(JobId(two)).unwrap().ended_ms.is_some());
     assert!(!view(&shop).stuck[0].is_deadlock);
-    gateway.abort(one).unwrap();
-    wait_for("its end", || gateway.job(one).unwrap().ended_ms.is_some());
+    gateway.abort(JobId(one)).unwrap();
+    wait_for("its end", || gateway.job(JobId(one)).unwrap().ended_ms.is_some());
     assert_eq!(view(&shop).stuck, []);
 }
 
@@ -244,7 +245,7 @@ fn a_group_is_in_one_mode() {
     gateway.set_mode("shafts", "BOTH", CellMode::Jog).unwrap();
     let two = gateway.submit("link-1", &send("LONG")).unwrap().id;
     sleep(A_WHILE);
-    assert_eq!(gateway.job(two).unwrap().state, JobState::Queued);
+    assert_eq!(gateway.job(JobId(two)).unwrap().state, JobState::Queued);
     gateway.set_mode("shafts", "BOTH", CellMode::Auto).unwrap();
     assert_eq!(shop.read(1, long.len()), long.as_bytes());
     is_done(&shop, two);
@@ -258,14 +259,14 @@ fn a_pause_holds_the_others_at_their_mark() {
     let text = format!("{}(SOFTPLUG WAIT 1)\nM30\n", blocks(2_000));
     put(&shop, "A", &text);
     let one = gateway.submit("link-0", &send("A")).unwrap().id;
-    gateway.pause(one).unwrap();
+    gateway.pause(JobId(one)).unwrap();
     let two = gateway.submit("link-1", &send("A")).unwrap().id;
     shop.drain(1, || state(&shop, 1) == CellChannelState::Waits);
     sleep(A_WHILE);
     assert_eq!(view(&shop).channels[0].text, "paused");
-    gateway.resume(one).unwrap();
-    shop.drain_all(|| gateway.job(two).unwrap().state == JobState::Done);
-    shop.drain_all(|| gateway.job(one).unwrap().state == JobState::Done);
+    gateway.resume(JobId(one)).unwrap();
+    shop.drain_all(|| gateway.job(JobId(two)).unwrap().state == JobState::Done);
+    shop.drain_all(|| gateway.job(JobId(one)).unwrap().state == JobState::Done);
 }
 
 #[test]
@@ -288,14 +289,14 @@ fn a_cell_at_work_keeps_its_links_when_its_name_changes() {
     assert_eq!(changed.cells, ["others", "shafts"]);
     let names: Vec<String> = gateway.cells().unwrap().into_iter().map(|cell| cell.name).collect();
     assert_eq!(names, ["shafts"]);
-    gateway.abort(one).unwrap();
-    wait_for("its end", || gateway.job(one).unwrap().ended_ms.is_some());
+    gateway.abort(JobId(one)).unwrap();
+    wait_for("its end", || gateway.job(JobId(one)).unwrap().ended_ms.is_some());
     shop.configure(|text| text.replace("name = \"others\"", "name = \"shafts\""));
     gateway.reload().unwrap();
     let two = gateway.submit("link-1", &send("A")).unwrap().id;
     waits(&shop, 1);
     sleep(A_WHILE);
-    assert_eq!(gateway.job(two).unwrap().state, JobState::Running, "it waits for nobody");
+    assert_eq!(gateway.job(JobId(two)).unwrap().state, JobState::Running, "it waits for nobody");
     assert_eq!(shop.read(1, 18), b"(SOFTPLUG WAIT 1)\n");
     assert_eq!(shop.waiting(1), 0);
 }
@@ -320,12 +321,12 @@ fn a_program_that_was_loaded_and_paused_begins_when_it_is_resumed() {
     let filter = JobFilter { link: Some("link-1".to_owned()), ..JobFilter::default() };
     wait_for("what is loaded", || !gateway.jobs(&filter).unwrap().is_empty());
     let loaded = gateway.jobs(&filter).unwrap()[0].id;
-    gateway.pause(loaded).unwrap();
+    gateway.pause(JobId(loaded)).unwrap();
     gateway.submit("link-1", &send("B")).unwrap();
-    shop.drain_all(|| gateway.job(one).unwrap().state == JobState::Done);
-    assert_eq!(gateway.job(loaded).unwrap().state, JobState::Paused);
-    gateway.resume(loaded).unwrap();
-    shop.drain_all(|| gateway.job(loaded).unwrap().state == JobState::Done);
+    shop.drain_all(|| gateway.job(JobId(one)).unwrap().state == JobState::Done);
+    assert_eq!(gateway.job(JobId(loaded)).unwrap().state, JobState::Paused);
+    gateway.resume(JobId(loaded)).unwrap();
+    shop.drain_all(|| gateway.job(JobId(loaded)).unwrap().state == JobState::Done);
     wait_for("an idle cell", || state(&shop, 1) == CellChannelState::Idle);
 }
 

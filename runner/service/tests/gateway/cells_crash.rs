@@ -2,6 +2,7 @@
 //! another has not reached. The gateway is this test itself, started again as a child.
 //! `SOFTPLUG_CELL_KILLS=N` kills it more often.
 
+use softplug_abi::JobId;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
@@ -102,7 +103,7 @@ impl Stood {
         let job = gateway.submit("C1", &order).unwrap();
         wait_for("the other channel's end", || {
             self.got(1);
-            gateway.job(job.id).unwrap().state == JobState::Done
+            gateway.job(JobId(job.id)).unwrap().state == JobState::Done
         });
     }
 
@@ -128,7 +129,7 @@ fn stand(folder: &Path) -> ! {
             gateway.cell("cell").unwrap().channels[0].state == CellChannelState::Waits
         });
         if does == "pause" {
-            gateway.pause(job.id).unwrap();
+            gateway.pause(JobId(job.id)).unwrap();
         }
     }
     println!("begun");
@@ -147,9 +148,9 @@ fn a_pause_outlives_the_gateway() {
     stood.meet(gateway);
     sleep(A_WHILE);
     assert_eq!(stood.got(0), "");
-    gateway.resume(job).unwrap();
+    gateway.resume(JobId(job)).unwrap();
     stood.comes(BEHIND);
-    wait_for("its end", || gateway.job(job).unwrap().state == JobState::Done);
+    wait_for("its end", || gateway.job(JobId(job)).unwrap().state == JobState::Done);
 }
 
 #[test]
@@ -252,10 +253,10 @@ fn work(folder: &Path) -> ! {
     // Whose program was cut off begins again behind what has surely left.
     for at in 0..CHANNELS {
         let Some((id, JobState::Interrupted)) = last(gateway, at) else { continue };
-        let last = gateway.job(id).unwrap().last_block.unwrap_or(0);
+        let last = gateway.job(JobId(id)).unwrap().last_block.unwrap_or(0);
         // All may have left: then its last block does no harm.
-        let restarted = gateway.restart(id, Some(last + 1));
-        restarted.or_else(|_| gateway.restart(id, Some(last))).unwrap();
+        let restarted = gateway.restart(JobId(id), Some(last + 1));
+        restarted.or_else(|_| gateway.restart(JobId(id), Some(last))).unwrap();
     }
     println!("begun");
     loop {

@@ -1,6 +1,7 @@
 //! Drop folders: what is put there becomes a job, once and whole, and is put away beside what became
 //! of it.
 
+use softplug_abi::JobId;
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -269,7 +270,7 @@ fn what_a_job_that_was_aborted_had_is_failed_and_says_what_to_do() {
     fs::write(shop.path("in/O1.nc"), "G1 X1\n".repeat(3_000)).unwrap();
     wait_for("the job", || jobs(&shop).len() == 1);
     let job = jobs(&shop)[0].id;
-    shop.gateway().abort(job).unwrap();
+    shop.gateway().abort(JobId(job)).unwrap();
     shop.release(0);
     shop.drain(0, || shop.path("in/failed/O1.nc").exists());
     let said = text(&shop.path("in/failed/O1.nc.txt"));

@@ -61,7 +61,7 @@ fn a_killed_gateway_makes_one_job_of_each_file() {
     let all = jobs.reader().list(&JobFilter { most: 100_000, ..JobFilter::default() }).unwrap();
     let mut by_program: BTreeMap<String, Vec<u32>> = BTreeMap::new();
     for job in all.iter().filter(|job| job.spec.origin == Origin::Drop) {
-        by_program.entry(job.spec.program.clone().unwrap()).or_default().push(job.id);
+        by_program.entry(job.spec.program.clone().unwrap()).or_default().push(job.id.0);
     }
     let sent = String::from_utf8(got).unwrap();
     let mut interrupted = 0;

@@ -1,6 +1,7 @@
 //! Data that comes from a connection instead of a file: fed by whoever asks, and what a client of the
 //! endpoint sends.
 
+use softplug_abi::JobId;
 use std::io::Write;
 use std::net::{TcpListener, TcpStream};
 
@@ -18,8 +19,8 @@ fn what_was_fed_to_its_end_has_surely_left() {
     let (gateway, link) = (shop.gateway(), Shop::name(0));
     let data = vec![b'G'; 600];
     let id = gateway.feed(&link, &named("O1"), None, &mut &data[..]).unwrap().id;
-    wait_for("the job's end", || gateway.job(id).unwrap().ended_ms.is_some());
-    let job = gateway.job(id).unwrap();
+    wait_for("the job's end", || gateway.job(JobId(id)).unwrap().ended_ms.is_some());
+    let job = gateway.job(JobId(id)).unwrap();
     assert_eq!((job.state, job.progress.taken), (JobState::Done, 600), "{job:?}");
     assert_eq!((job.progress.surely_left, job.progress.maybe_left), (600, 600));
 }
@@ -31,13 +32,13 @@ fn a_plug_in_that_looks_at_programs_first_gets_all_that_is_fed_first() {
     let program = shop.program("unused", 20_000);
     let job = gateway.feed(&link, &named("O1"), None, &mut &program[..]).unwrap();
     assert_eq!(shop.read(0, program.len()), program);
-    wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
-    assert_eq!(gateway.job(job.id).unwrap().progress.size, Some(program.len() as u64));
+    wait_for("the job's end", || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
+    assert_eq!(gateway.job(JobId(job.id)).unwrap().progress.size, Some(program.len() as u64));
     // What it refuses never began to leave.
     let bad = [&program[..], b"\x13"].concat();
     let id = gateway.feed(&link, &named("O2"), None, &mut &bad[..]).unwrap().id;
-    wait_for("the refusal", || gateway.job(id).unwrap().state == JobState::Failed);
-    let job = gateway.job(id).unwrap();
+    wait_for("the refusal", || gateway.job(JobId(id)).unwrap().state == JobState::Failed);
+    let job = gateway.job(JobId(id)).unwrap();
     assert_eq!((job.progress.maybe_left, job.check.is_some()), (0, true), "{job:?}");
     assert_eq!(gateway.link(&link).unwrap().counters.bytes_out, program.len() as u64);
 }

@@ -23,6 +23,7 @@ mod strangers;
 mod supervision;
 mod units;
 
+use softplug_abi::JobId;
 use std::collections::BTreeMap;
 
 use shop::{Shop, wait_for};
@@ -86,22 +87,22 @@ fn jobs_wait_in_order_and_can_be_steered() {
     let high = gateway.submit(&link, &JobOrder { priority: 5, ..send("short.nc") }).unwrap();
     assert_eq!((low.state, high.state), (JobState::Queued, JobState::Queued));
     assert_eq!(gateway.link(&link).unwrap().queued, 2);
-    assert_eq!(gateway.pause(long.id).unwrap().state, JobState::Paused);
+    assert_eq!(gateway.pause(JobId(long.id)).unwrap().state, JobState::Paused);
     assert_eq!(gateway.link(&link).unwrap().state, LinkState::Paused);
-    assert_eq!(gateway.resume(long.id).unwrap().state, JobState::Running);
-    let refusal = gateway.resume(long.id).unwrap_err();
+    assert_eq!(gateway.resume(JobId(long.id)).unwrap().state, JobState::Running);
+    let refusal = gateway.resume(JobId(long.id)).unwrap_err();
     assert!(matches!(refusal, Refusal::Conflict(_)), "{refusal}");
-    assert_eq!(gateway.prioritise(low.id, 9).unwrap().priority, 9);
-    assert_eq!(gateway.abort(high.id).unwrap().state, JobState::Aborted);
-    gateway.abort(long.id).unwrap();
+    assert_eq!(gateway.prioritise(JobId(low.id), 9).unwrap().priority, 9);
+    assert_eq!(gateway.abort(JobId(high.id)).unwrap().state, JobState::Aborted);
+    gateway.abort(JobId(long.id)).unwrap();
     shop.release(0);
     let state = |id| gateway.job(id).unwrap().state;
-    shop.drain(0, || state(low.id) == JobState::Done);
-    assert_eq!(state(long.id), JobState::Aborted);
-    let again = gateway.restart(long.id, Some(3)).unwrap();
+    shop.drain(0, || state(JobId(low.id)) == JobState::Done);
+    assert_eq!(state(JobId(long.id)), JobState::Aborted);
+    let again = gateway.restart(JobId(long.id), Some(3)).unwrap();
     assert_eq!((again.restart_of, again.start_block), (Some(long.id), 3));
-    gateway.abort(again.id).unwrap();
-    shop.drain(0, || state(again.id) == JobState::Aborted);
+    gateway.abort(JobId(again.id)).unwrap();
+    shop.drain(0, || state(JobId(again.id)) == JobState::Aborted);
 }
 
 #[test]
@@ -123,7 +124,7 @@ fn orders_that_cannot_be_carried_out_are_refused_by_their_field() {
     assert_eq!(refused(JobOrder { from_block: Some(9_999), ..send("O1.nc") }), "job");
     assert!(matches!(gateway.submit(&link, &send("none.nc")), Err(Refusal::NotFound(_))));
     assert!(matches!(gateway.submit("x", &send("O1.nc")), Err(Refusal::NotFound(_))));
-    assert!(matches!(gateway.job(99), Err(Refusal::NotFound(_))));
+    assert!(matches!(gateway.job(JobId(99)), Err(Refusal::NotFound(_))));
     assert_eq!(gateway.jobs(&JobFilter::default()).unwrap(), []);
 }
 
@@ -165,7 +166,7 @@ fn a_reload_touches_only_what_changed() {
     // Idle, the change that waited is made, and the counts go on.
     let link = gateway.link("link-0").unwrap();
     assert!(link.is_change_waiting && link.buffer.size != 8_192);
-    gateway.abort(link.job.unwrap().id).unwrap();
+    gateway.abort(JobId(link.job.unwrap().id)).unwrap();
     shop.drain_all(|| gateway.link("link-0").is_ok_and(|link| link.buffer.size == 8_192));
     assert!(out(0) >= before[0]);
 
@@ -200,6 +201,6 @@ fn a_plug_in_is_swapped_in_the_middle_of_a_job() {
     }
     got.extend(shop.read(0, program.len() - got.len()));
     assert_eq!(got, program);
-    wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+    wait_for("the job's end", || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
     wait_for("the swap", || journal_says(gateway, "runs in place of"));
 }

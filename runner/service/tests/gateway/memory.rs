@@ -1,5 +1,6 @@
 //! Words of a memory over RK512: read and written by jobs, and asked for by the machine.
 
+use softplug_abi::JobId;
 use std::fs;
 use std::io::Read;
 
@@ -25,8 +26,8 @@ fn order(kind: &str, block: u8, offset: usize, count: usize) -> JobOrder {
 
 fn ended(gateway: &Gateway, order: &JobOrder) -> JobView {
     let id = gateway.submit(&Shop::name(0), order).unwrap().id;
-    wait_for("the job's end", || gateway.job(id).unwrap().ended_ms.is_some());
-    gateway.job(id).unwrap()
+    wait_for("the job's end", || gateway.job(JobId(id)).unwrap().ended_ms.is_some());
+    gateway.job(JobId(id)).unwrap()
 }
 
 fn received(gateway: &Gateway, file: &str) -> Vec<u8> {

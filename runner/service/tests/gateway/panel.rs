@@ -1,5 +1,6 @@
 //! What the operator asks for at the machine's panel.
 
+use softplug_abi::JobId;
 use std::fs;
 use std::os::unix::fs::symlink;
 
@@ -32,8 +33,8 @@ fn a_program_begins_at_the_line_that_was_asked_for() {
         let expected = [&lines[..2], &lines[block as usize - 1..]].concat().join("\n");
         let came = shop.read(0, expected.len());
         assert_eq!(String::from_utf8(came).unwrap(), expected, "from block {block}");
-        wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
-        let progress = gateway.job(job.id).unwrap().progress.text;
+        wait_for("the job's end", || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
+        let progress = gateway.job(JobId(job.id)).unwrap().progress.text;
         assert!(progress.ends_with(&format!("; it began at block {block}")), "{progress}");
     }
 }

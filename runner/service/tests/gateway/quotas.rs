@@ -1,6 +1,7 @@
 //! A plug-in that invents deliveries fills no disk, keeps nobody else from working, and is
 //! stopped by a person at once.
 
+use softplug_abi::JobId;
 use std::fs;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -55,7 +56,7 @@ fn a_delivery_without_an_end_takes_no_more_than_its_quota_and_is_stopped_by_hand
         let job = gateway.submit(&neighbour, &send("O1.nc")).unwrap().id;
         calls.push(at.elapsed());
         assert!(shop.read(1, program.len()) == program);
-        wait_for("the end", || gateway.job(job).unwrap().state == JobState::Done);
+        wait_for("the end", || gateway.job(JobId(job)).unwrap().state == JobState::Done);
     }
     println!("submitting beside it: p50 {:?}, p99 {:?}", spans(calls.clone()).0, spans(calls).1);
     assert_eq!(kept(&shop, 0), (1 << 20, 1), "to the byte");
@@ -77,7 +78,7 @@ fn a_delivery_without_an_end_takes_no_more_than_its_quota_and_is_stopped_by_hand
     // What was in memory is put away too; nothing comes any more.
     let (bytes, files) = kept(&shop, 0);
     assert!(bytes <= (1 << 20) + DELIVERY_ROOM && files == 1, "{bytes} bytes in {files}");
-    assert_eq!(gateway.job(reception.job.unwrap()).unwrap().state, JobState::Failed);
+    assert_eq!(gateway.job(JobId(reception.job.unwrap())).unwrap().state, JobState::Failed);
     assert!(matches!(gateway.quarantine(&flooded), Err(Refusal::Conflict(_))));
     wait_for("the journal", || journal_says(gateway, "is stopped by hand"));
     sleep(Duration::from_millis(300));
@@ -144,7 +145,7 @@ fn what_is_kept_free_is_left_to_jobs() {
     // Jobs go on.
     let job = gateway.submit(&Shop::name(1), &send("O1.nc")).unwrap().id;
     assert!(shop.read(1, program.len()) == program);
-    wait_for("the end", || gateway.job(job).unwrap().state == JobState::Done);
+    wait_for("the end", || gateway.job(JobId(job)).unwrap().state == JobState::Done);
     assert_eq!(kept(&shop, 0), (0, 0));
 }
 
@@ -174,6 +175,6 @@ fn a_swap_at_once_overrides_one_that_waits() {
     // The job goes on where it was, and nothing waits for its end.
     shop.release(0);
     assert!(shop.read(0, program.len()) == program);
-    wait_for("the end", || gateway.job(job).unwrap().state == JobState::Done);
+    wait_for("the end", || gateway.job(JobId(job)).unwrap().state == JobState::Done);
     assert_eq!(gateway.link(&link).unwrap().plugin.unwrap().name, "xon-xoff");
 }

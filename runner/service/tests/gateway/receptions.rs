@@ -1,5 +1,6 @@
 //! What a machine sends: kept in versions, compared with what it was sent, never overwritten.
 
+use softplug_abi::JobId;
 use std::io::Read;
 
 use softplug_service::jobs::{Jobs, Keep};
@@ -18,7 +19,7 @@ fn what_a_machine_sends_is_kept_in_versions_compared_and_never_overwritten() {
     let program = shop.program("O77.nc", 2_000);
     let job = gateway.submit(&link, &send("O77.nc")).unwrap();
     assert_eq!(shop.read(0, program.len()), program);
-    wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+    wait_for("the job's end", || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
 
     let mut changed = program.clone();
     changed[1_000] ^= 1;
@@ -52,7 +53,7 @@ fn what_a_machine_sends_is_kept_in_versions_compared_and_never_overwritten() {
     for reception in failed {
         assert!(reception.file.ends_with(".failed"), "{reception:?}");
         assert_eq!(of(&reception.file).1, broken_off);
-        let job = gateway.job(reception.job.unwrap()).unwrap();
+        let job = gateway.job(JobId(reception.job.unwrap())).unwrap();
         assert_eq!(job.state, JobState::Failed);
     }
 }
@@ -68,7 +69,7 @@ fn what_came_before_a_kill_belongs_to_a_job() {
         let receptions = Receptions::open(&shop.path("state/receptions")).unwrap();
         let job = jobs.receive(&link).unwrap().id;
         // The second is of a job that nobody knows any more.
-        for (id, text) in [(job, "%\nO1\nN10"), (9_999, "N20 G1")] {
+        for (id, text) in [(job, "%\nO1\nN10"), (JobId(9_999), "N20 G1")] {
             let mut arrival = receptions.begin(&link, id).unwrap();
             arrival.write(text.as_bytes()).unwrap();
             std::mem::forget(arrival);
@@ -80,7 +81,7 @@ fn what_came_before_a_kill_belongs_to_a_job() {
     let all = gateway.receptions(&link).unwrap();
     assert_eq!(all.len(), 2, "{all:?}");
     for reception in &all {
-        let job = gateway.job(reception.job.expect("it has a job")).unwrap();
+        let job = gateway.job(JobId(reception.job.expect("it has a job"))).unwrap();
         assert_eq!(
             (job.state, job.answer.as_ref()),
             (JobState::Interrupted, Some(&reception.file))
@@ -89,7 +90,7 @@ fn what_came_before_a_kill_belongs_to_a_job() {
         assert!(reception.failure.is_some() && reception.file.ends_with(".failed"));
     }
     let first = all.iter().find(|reception| reception.bytes == 8).unwrap();
-    assert_eq!(first.job, Some(killed));
+    assert_eq!(first.job.map(JobId), Some(killed));
     // Once: the next start finds nothing new.
     shop.gateway().stop(StopHow::Park);
     shop.stopped();

@@ -1,5 +1,6 @@
 //! How far a job is and how it ended: one truth wherever one looks, until somebody has seen it.
 
+use softplug_abi::JobId;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -20,7 +21,7 @@ fn link(gateway: &Gateway) -> LinkView {
 /// The job's progress as the card, the job and the list of jobs have it: all the same, as long
 /// as nothing moves.
 fn progress(gateway: &Gateway, id: u32) -> JobProgress {
-    let of_job = gateway.job(id).unwrap().progress;
+    let of_job = gateway.job(JobId(id)).unwrap().progress;
     let list = gateway.jobs(&JobFilter::default()).unwrap();
     assert_eq!(list.iter().find(|job| job.id == id).unwrap().progress, of_job);
     let link = link(gateway);
@@ -67,7 +68,7 @@ fn a_job_that_is_held_or_paused_shows_the_same_everywhere() {
     }
 
     // Paused: the queue stands all the more, but the machine is not said to hold it.
-    gateway.pause(job.id).unwrap();
+    gateway.pause(JobId(job.id)).unwrap();
     wait_for("the pause", || !link(gateway).is_held);
     let paused = progress(gateway, job.id);
     assert!(!paused.is_held && paused.text.ends_with("; paused"), "{paused:?}");
@@ -75,23 +76,23 @@ fn a_job_that_is_held_or_paused_shows_the_same_everywhere() {
     let holds = link(gateway).counters.holds;
     // The machine lets go meanwhile. Paused it stays, and held it is not afterwards.
     shop.release(0);
-    gateway.resume(job.id).unwrap();
-    shop.drain(0, || gateway.job(job.id).unwrap().progress.surely_left > paused.surely_left);
+    gateway.resume(JobId(job.id)).unwrap();
+    shop.drain(0, || gateway.job(JobId(job.id)).unwrap().progress.surely_left > paused.surely_left);
     assert!(!progress_now(gateway, job.id).is_held);
-    gateway.pause(job.id).unwrap();
+    gateway.pause(JobId(job.id)).unwrap();
     shop.drain(0, || link(gateway).condition.as_deref() == Some("paused"));
     std::thread::sleep(Duration::from_millis(100));
     assert!(!link(gateway).is_held);
     assert_eq!(link(gateway).counters.holds, holds, "a pause is no hold of the machine's");
-    gateway.resume(job.id).unwrap();
-    shop.drain(0, || gateway.job(job.id).unwrap().state == JobState::Done);
+    gateway.resume(JobId(job.id)).unwrap();
+    shop.drain(0, || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
     let done = progress(gateway, job.id);
     assert_eq!((done.surely_left, done.maybe_left, done.percent), (size, size, Some(100)));
     assert_eq!((link(gateway).unseen_count, link(gateway).trouble), (0, Vec::new()));
 }
 
 fn progress_now(gateway: &Gateway, id: u32) -> JobProgress {
-    gateway.job(id).unwrap().progress
+    gateway.job(JobId(id)).unwrap().progress
 }
 
 #[test]
@@ -102,13 +103,13 @@ fn what_ended_badly_is_trouble_until_somebody_has_seen_it_also_after_a_restart()
     let gateway = shop.gateway().clone();
     // One that fails its check, one that is aborted, one that is taken out of the queue.
     let failed = gateway.submit("link-0", &send("bad.nc")).unwrap().id;
-    wait_for("the failure", || gateway.job(failed).unwrap().state == JobState::Failed);
+    wait_for("the failure", || gateway.job(JobId(failed)).unwrap().state == JobState::Failed);
     let aborted = gateway.submit("link-0", &send("O1.nc")).unwrap().id;
     let queued = gateway.submit("link-0", &send("O1.nc")).unwrap().id;
     shop.read(0, 20_000);
-    gateway.abort(queued).unwrap();
-    gateway.abort(aborted).unwrap();
-    shop.drain(0, || gateway.job(aborted).unwrap().state == JobState::Aborted);
+    gateway.abort(JobId(queued)).unwrap();
+    gateway.abort(JobId(aborted)).unwrap();
+    shop.drain(0, || gateway.job(JobId(aborted)).unwrap().state == JobState::Aborted);
     wait_for("the line's end", || link(&gateway).state == LinkState::Idle);
     let view = link(&gateway);
     let unseen: Vec<_> = view.unseen.iter().map(|job| job.id).collect();
@@ -139,18 +140,18 @@ fn what_ended_badly_is_trouble_until_somebody_has_seen_it_also_after_a_restart()
     assert!(view.trouble[0].contains("interrupted"), "{:?}", view.trouble);
 
     // Seen: this one and those before it.
-    assert!(gateway.acknowledge(999).is_err());
-    let seen = gateway.acknowledge(aborted).unwrap();
+    assert!(gateway.acknowledge(JobId(999)).is_err());
+    let seen = gateway.acknowledge(JobId(aborted)).unwrap();
     assert_eq!((seen.id, seen.is_unseen, seen.state), (aborted, false, JobState::Aborted));
     assert_eq!(link(gateway).unseen.iter().map(|job| job.id).collect::<Vec<_>>(), [begun]);
     wait_for("the journal", || journal_says(gateway, "have been seen"));
     // Who restarts it has seen it.
-    let again = gateway.restart(begun, None).unwrap().id;
+    let again = gateway.restart(JobId(begun), None).unwrap().id;
     assert_eq!((link(gateway).unseen_count, link(gateway).trouble), (0, Vec::new()));
-    let early = gateway.acknowledge(again).unwrap_err().to_string();
+    let early = gateway.acknowledge(JobId(again)).unwrap_err().to_string();
     assert!(early.contains("when it has ended"), "{early}");
-    gateway.abort(again).unwrap();
-    shop.drain(0, || gateway.job(again).unwrap().state == JobState::Aborted);
+    gateway.abort(JobId(again)).unwrap();
+    shop.drain(0, || gateway.job(JobId(again)).unwrap().state == JobState::Aborted);
 }
 
 #[test]
@@ -168,5 +169,5 @@ fn what_a_job_waits_for_is_said_with_what_to_do() {
     // READ is pressed.
     shop.write(0, b"\x11");
     shop.drain(0, || progress_now(gateway, job.id).awaits.is_none());
-    shop.drain(0, || gateway.job(job.id).unwrap().state == JobState::Done);
+    shop.drain(0, || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
 }

@@ -1,5 +1,6 @@
 //! Stops: jobs are parked, or finished first.
 
+use softplug_abi::JobId;
 use softplug_service::Refusal;
 use softplug_service::view::{JobState, StopHow};
 
@@ -20,7 +21,7 @@ fn a_stop_parks_jobs_and_says_how_far_they_were() {
     assert!(matches!(gateway.links(), Err(Refusal::Unavailable(_))));
     drop(gateway);
     shop.start();
-    let job = shop.gateway().job(job.id).unwrap();
+    let job = shop.gateway().job(JobId(job.id)).unwrap();
     assert_eq!(job.state, JobState::Interrupted);
     assert!(
         job.progress.maybe_left >= 20_000 && job.progress.surely_left <= job.progress.maybe_left,
@@ -49,11 +50,11 @@ fn a_stop_that_finishes_ends_what_runs_and_begins_nothing() {
     assert_eq!(got, program);
 
     shop.start();
-    let job = shop.gateway().job(running.id).unwrap();
+    let job = shop.gateway().job(JobId(running.id)).unwrap();
     assert_eq!((job.state, job.progress.surely_left), (JobState::Done, program.len() as u64));
     // What waited goes on waiting for its turn, which has come.
     assert_eq!(shop.read(0, next.len()), next);
-    let is_done = || shop.gateway().job(waiting.id).unwrap().state == JobState::Done;
+    let is_done = || shop.gateway().job(JobId(waiting.id)).unwrap().state == JobState::Done;
     wait_for("the next job", is_done);
 }
 
@@ -66,10 +67,10 @@ fn who_is_tired_of_waiting_stops_again_and_the_job_is_parked() {
     shop.read(0, 5_000);
     gateway.stop(StopHow::Finish);
     shop.read(0, 5_000);
-    assert_eq!(gateway.job(job.id).unwrap().state, JobState::Running);
+    assert_eq!(gateway.job(JobId(job.id)).unwrap().state, JobState::Running);
     gateway.stop(StopHow::Park);
     shop.stopped();
     drop(gateway);
     shop.start();
-    assert_eq!(shop.gateway().job(job.id).unwrap().state, JobState::Interrupted);
+    assert_eq!(shop.gateway().job(JobId(job.id)).unwrap().state, JobState::Interrupted);
 }

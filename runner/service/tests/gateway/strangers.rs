@@ -1,5 +1,6 @@
 //! A link changes to another protocol: state belongs to one plug-in, by its name.
 
+use softplug_abi::JobId;
 use std::collections::BTreeMap;
 
 use softplug_service::view::{LinkState, SwapOrder, SwapState, SwapView, SwapWhen};
@@ -65,7 +66,7 @@ fn another_protocol_waits_until_the_job_is_over_or_is_refused() {
     assert_eq!(gateway.link("link-0").unwrap().unapplied, None);
     assert_eq!(swap(&shop, "r3964", SwapWhen::NowOrIdle, &[]).state, SwapState::Waiting);
     assert_eq!(runs(&shop), "xon-xoff");
-    gateway.abort(job.id).unwrap();
+    gateway.abort(JobId(job.id)).unwrap();
     shop.release(0);
     shop.drain(0, || runs(&shop) == "r3964");
     assert_eq!(gateway.link("link-0").unwrap().swap.unwrap().state, SwapState::Done);

@@ -1,5 +1,6 @@
 //! Links whose plug-ins run in a front-end unit: to whoever uses the gateway they are as others are.
 
+use softplug_abi::JobId;
 use std::fs;
 use std::path::Path;
 use std::thread::{self, JoinHandle};
@@ -94,8 +95,8 @@ fn a_program_reaches_the_machine_and_is_told_as_elsewhere() {
     let program = shop.program("O1.nc", 50_000);
     let job = gateway.submit(&link, &send("O1.nc")).unwrap();
     assert_eq!(shop.read(0, program.len()), program);
-    wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
-    let job = gateway.job(job.id).unwrap();
+    wait_for("the job's end", || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
+    let job = gateway.job(JobId(job.id)).unwrap();
     let size = program.len() as u64;
     assert_eq!((job.progress.taken, job.progress.size), (size, Some(size)), "{job:?}");
     wait_for("the line's end", || gateway.link(&link).unwrap().state == LinkState::Idle);
@@ -113,11 +114,11 @@ fn a_job_is_held_paused_resumed_and_aborted() {
     shop.hold(0);
     shop.release(0);
     wait_for("the release", || !gateway.link(&link).unwrap().is_held);
-    assert_eq!(gateway.pause(job.id).unwrap().state, JobState::Paused);
-    assert_eq!(gateway.resume(job.id).unwrap().state, JobState::Running);
+    assert_eq!(gateway.pause(JobId(job.id)).unwrap().state, JobState::Paused);
+    assert_eq!(gateway.resume(JobId(job.id)).unwrap().state, JobState::Running);
     shop.read(0, 1_000);
-    gateway.abort(job.id).unwrap();
-    shop.drain(0, || gateway.job(job.id).unwrap().state == JobState::Aborted);
+    gateway.abort(JobId(job.id)).unwrap();
+    shop.drain(0, || gateway.job(JobId(job.id)).unwrap().state == JobState::Aborted);
 }
 
 #[test]
@@ -131,8 +132,10 @@ fn of_a_unit_that_was_started_anew_no_job_is_shown_and_the_unit_is_to_blame() {
     shop.hold(0);
     wait_for("the hold", || gateway.link(&link).unwrap().is_held);
     let _unit = unit.started_anew();
-    wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Interrupted);
-    let message = gateway.job(job.id).unwrap().message.unwrap();
+    wait_for("the job's end", || {
+        gateway.job(JobId(job.id)).unwrap().state == JobState::Interrupted
+    });
+    let message = gateway.job(JobId(job.id)).unwrap().message.unwrap();
     assert_eq!(message, "the unit, or its plug-in, ended in the middle of it");
     let shown = || gateway.link(&link).unwrap();
     wait_for("the link", || shown().state == LinkState::Idle && !shown().is_held);
@@ -203,7 +206,7 @@ fn a_plug_in_is_swapped_in_the_middle_of_a_job() {
     assert!(matches!(swap.state, SwapState::Done | SwapState::Probation), "{swap:?}");
     got.extend(shop.read(0, program.len() - got.len()));
     assert_eq!(got, program);
-    wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+    wait_for("the job's end", || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
     wait_for("the swap", || journal_says(gateway, "runs in place of"));
 }
 
@@ -237,7 +240,7 @@ fn units_on_a_bus_are_fed_in_turn_and_shown() {
         assert_eq!(shop.read(at, program.len()), program);
     }
     for job in jobs {
-        wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+        wait_for("the job's end", || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
     }
     let shown = || gateway.buses().unwrap();
     wait_for("the units' buffers", || shown()[0].units.iter().all(|unit| unit.buffer > 0));
@@ -282,7 +285,7 @@ fn a_unit_is_reached_with_tls_and_keys_change_by_a_reload() {
         let program = shop.program("O1.nc", 20_000);
         let job = gateway.submit(&link, &send("O1.nc")).unwrap();
         assert_eq!(shop.read(0, program.len()), program);
-        wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+        wait_for("the job's end", || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
     };
     send_one();
     let changed = |from: &str, to: &str| {

@@ -4,6 +4,7 @@
 
 mod disk;
 
+use softplug_abi::JobId;
 use std::collections::BTreeMap;
 
 use disk::Disk;
@@ -95,7 +96,7 @@ fn recovered(job: &Job) -> State {
 fn lose_power(seed: u64) {
     let mut dice = Dice(seed);
     let mut disk = Disk::new(Dice(seed ^ 0x5eed));
-    let mut acknowledged: BTreeMap<u32, Job> = BTreeMap::new();
+    let mut acknowledged: BTreeMap<JobId, Job> = BTreeMap::new();
     // A database gets its name when it is whole.
     drop(open(&disk).unwrap());
     // Several times on the same disk: damage must not add up either.
@@ -123,7 +124,7 @@ fn lose_power(seed: u64) {
         drop(jobs);
         disk = disk.after_power_loss();
         let jobs = open(&disk).unwrap_or_else(|error| panic!("seed {seed}, life {life}: {error}"));
-        let highest = acknowledged.keys().last().copied().unwrap_or(0);
+        let highest = acknowledged.keys().last().copied().unwrap_or(JobId(0));
         for (id, known) in &mut acknowledged {
             let found = match jobs.reader().job(*id) {
                 Ok(found) => found,

@@ -2,7 +2,7 @@
 
 use crate::outbox::Outbox;
 use alloc::collections::VecDeque;
-use softplug_abi::{Failure, Micros};
+use softplug_abi::{Failure, JobId, Micros};
 use softplug_link::Supply;
 use softplug_unit_protocol::{CreditError, Fed, Outcome, ToServer};
 
@@ -17,14 +17,14 @@ pub(crate) struct Feed {
     buffer: VecDeque<u8>,
     pub(crate) active: Option<Active>,
     /// Numbers for the link.
-    next: u32,
+    next: JobId,
 }
 
 pub(crate) struct Active {
     /// The server's number.
     pub(crate) job: u64,
     /// The link's.
-    pub(crate) of_link: u32,
+    pub(crate) of_link: JobId,
     pass: u8,
     fed: Fed,
     has_failed: bool,
@@ -87,7 +87,7 @@ impl Active {
 
 impl Feed {
     pub(crate) fn new() -> Self {
-        Self { buffer: VecDeque::with_capacity(BUFFER), active: None, next: 1 }
+        Self { buffer: VecDeque::with_capacity(BUFFER), active: None, next: JobId(1) }
     }
 
     pub(crate) fn is_under_way(&self) -> bool {
@@ -99,7 +99,7 @@ impl Feed {
         self.active.as_mut().filter(|active| active.job == job && active.end.is_none())
     }
 
-    pub(crate) fn of_link(&mut self, job: u32) -> Option<&mut Active> {
+    pub(crate) fn of_link(&mut self, job: JobId) -> Option<&mut Active> {
         self.active.as_mut().filter(|active| active.of_link == job && active.end.is_none())
     }
 
@@ -113,11 +113,11 @@ impl Feed {
     /// A job begins; its number for the link.
     pub(crate) fn begin(&mut self, job: u64, from: u64) -> u32 {
         let of_link = self.next;
-        self.next += 1;
+        self.next = of_link.next();
         self.buffer.clear();
         self.active = Some(Active {
             job,
-            of_link,
+            of_link: JobId(of_link.0),
             pass: 0,
             fed: Fed::default(),
             has_failed: false,
@@ -131,7 +131,7 @@ impl Feed {
             told_at: None,
             told: (false, false),
         });
-        of_link
+        of_link.0
     }
 
     /// Data of this pass; none where it was under way to a job or a pass that is over.
@@ -169,7 +169,7 @@ impl Feed {
         true
     }
 
-    pub(crate) fn supply(&mut self, job: u32, into: &mut [u8]) -> Supply {
+    pub(crate) fn supply(&mut self, job: JobId, into: &mut [u8]) -> Supply {
         let count = into.len().min(self.buffer.len());
         let has_data = count > 0;
         let Some(active) =
@@ -204,8 +204,8 @@ impl Feed {
     }
 
     /// The check was good: the data comes once more.
-    pub(crate) fn rewind(&mut self, of_link: u32, outbox: &mut Outbox) {
-        let Some(active) = self.of_link(of_link) else { return };
+    pub(crate) fn rewind(&mut self, of_link: JobId, outbox: &mut Outbox) {
+        let Some(active) = self.of_link(JobId(of_link.0)) else { return };
         (active.pass, active.fed, active.taken) = (1, Fed::default(), 0);
         active.is_hungry = false;
         let job = active.job;

@@ -6,7 +6,7 @@ use crate::outbox::Outbox;
 use alloc::borrow::ToOwned;
 use alloc::string::String;
 use alloc::vec::Vec;
-use softplug_abi::{Action, Failure, Micros};
+use softplug_abi::{Action, Failure, JobId, Micros, RequestId};
 use softplug_link::{LinkHost, Supply};
 use softplug_unit_protocol::{Outcome, ToServer};
 
@@ -27,14 +27,14 @@ pub(crate) struct Host {
     /// A plug-in that delivers without end is at fault.
     pub(crate) has_flooded: bool,
     /// A request that cannot be told: it is refused at once.
-    pub(crate) refused: Vec<u32>,
+    pub(crate) refused: Vec<RequestId>,
 }
 
 /// A request of the machine that is not answered.
 pub(crate) struct Asked {
     pub(crate) number: u32,
     /// The plug-in's number for it.
-    pub(crate) of_link: u32,
+    pub(crate) of_link: RequestId,
     pub(crate) kind: u16,
     pub(crate) fields: Vec<u8>,
 }
@@ -53,13 +53,13 @@ impl Host {
         }
     }
 
-    fn job_ended(&mut self, job: u32, ending: Ending) {
+    fn job_ended(&mut self, job: JobId, ending: Ending) {
         if let Some(active) = self.feed.of_link(job) {
             active.ending = Some(ending);
         }
     }
 
-    fn ask(&mut self, of_link: u32, kind: u16, fields: &[u8]) {
+    fn ask(&mut self, of_link: RequestId, kind: u16, fields: &[u8]) {
         if fields.len() > LONGEST_FIELDS {
             self.refused.push(of_link);
             return;
@@ -158,11 +158,11 @@ impl LinkHost for Host {
         }
     }
 
-    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         self.feed.supply(job, buffer)
     }
 
-    fn rewind(&mut self, job: u32) {
+    fn rewind(&mut self, job: JobId) {
         self.feed.rewind(job, &mut self.outbox);
     }
 

@@ -8,7 +8,7 @@ use crate::host::Host;
 use alloc::string::{String, ToString};
 use alloc::sync::Arc;
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Failure, LineErrorKind, LineParameters, Micros};
+use softplug_abi::{Failure, LineErrorKind, LineParameters, Micros, RequestId};
 use softplug_interpreter::{Module, Room, Session, SessionFault};
 use softplug_link::{HoldState, Link, LinkFault, LinkOptions, Taken};
 
@@ -88,7 +88,7 @@ impl<C: AsRef<[u8]>> Lane<C> {
         self.tell_left(now);
         self.link.run(now, host)?;
         for request in core::mem::take(&mut host.refused) {
-            self.link.answer(now, request, Err(Failure::TooLong), host)?;
+            self.link.answer(now, RequestId(request.0), Err(Failure::TooLong), host)?;
         }
         self.send(board, now, host, counters)?;
         counters.holds.set(now, self.link.hold() == HoldState::Held);

@@ -12,7 +12,7 @@ use alloc::borrow::ToOwned;
 use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
-use softplug_abi::{Failure, Micros};
+use softplug_abi::{Failure, JobId, Micros, RequestId};
 use softplug_interpreter::{Room, SessionFault};
 use softplug_link::{Job, LinkFault};
 use softplug_unit_protocol::{
@@ -276,13 +276,15 @@ impl<B: Board> Unit<B> {
                 }
             }
             ToUnit::Pause { job, .. } => {
-                self.ask_of_job(job, |lane, now, job, host| lane.link.pause(now, job, host));
+                self.ask_of_job(job, |lane, now, job, host| lane.link.pause(now, JobId(job), host));
             }
             ToUnit::Resume { job, .. } => {
-                self.ask_of_job(job, |lane, now, job, host| lane.link.resume(now, job, host));
+                self.ask_of_job(job, |lane, now, job, host| {
+                    lane.link.resume(now, JobId(job), host)
+                });
             }
             ToUnit::Abort { job: 0, .. } => {
-                self.ask(|lane, now, host| lane.link.abort(now, 0, host));
+                self.ask(|lane, now, host| lane.link.abort(now, JobId(0), host));
             }
             ToUnit::Abort { job, .. } => self.abort(job),
             ToUnit::Noted { job, .. } => self.host.feed.noted(job),
@@ -312,12 +314,12 @@ impl<B: Board> Unit<B> {
     ) {
         if let Some(active) = self.host.feed.under_way(job) {
             let of_link = active.of_link;
-            self.ask(|lane, now, host| act(lane, now, of_link, host));
+            self.ask(|lane, now, host| act(lane, now, of_link.0, host));
         }
     }
 
     fn abort(&mut self, job: u64) {
-        self.ask_of_job(job, |lane, now, job, host| lane.link.abort(now, job, host));
+        self.ask_of_job(job, |lane, now, job, host| lane.link.abort(now, JobId(job), host));
     }
 
     fn drive(&mut self) {
@@ -378,7 +380,7 @@ impl<B: Board> Unit<B> {
             Some(lane) => {
                 let id = self.host.feed.begin(job, lane.given());
                 let size = (size != u64::MAX).then_some(size);
-                let begun = Job { id, kind, size, fields: fields.to_vec(), check };
+                let begun = Job { id: JobId(id), kind, size, fields: fields.to_vec(), check };
                 self.ask(|lane, now, host| lane.link.begin_job(now, begun, host));
                 self.host.feed.give(true, &mut self.host.outbox);
                 return;
@@ -417,7 +419,7 @@ impl<B: Board> Unit<B> {
         let of_link = self.host.requests.remove(at).of_link;
         let refused = refused.or(is_too_long.then_some(Failure::TooLong));
         let answer = refused.map_or(Ok(&so_far[..]), Err);
-        self.ask(|lane, now, host| lane.link.answer(now, of_link, answer, host));
+        self.ask(|lane, now, host| lane.link.answer(now, RequestId(of_link.0), answer, host));
     }
 }
 

@@ -13,7 +13,7 @@ use crate::limits::{
 };
 use crate::value::Values;
 use crate::wire::{MalformedReason, Reader, Writer};
-use crate::{Failure, Micros, ModemLines};
+use crate::{DeliveryId, Failure, JobId, MarkId, Micros, ModemLines, RequestId};
 
 codes! {
     /// How much a note matters.
@@ -67,14 +67,14 @@ pub enum Action<'a> {
     Transmit {
         /// Not 0: report when the last of these bytes has left. With no bytes:
         /// when the last byte of the queue has.
-        mark: u32,
+        mark: MarkId,
         /// Must fit the room for transmitting.
         bytes: &'a [u8],
     },
     /// Send bytes ahead of queue and hold, at the next character boundary.
     TransmitUrgent {
         /// As for `Transmit`.
-        mark: u32,
+        mark: MarkId,
         /// 1 to 16 bytes.
         bytes: &'a [u8],
     },
@@ -111,35 +111,35 @@ pub enum Action<'a> {
     /// Ask for more data of the job.
     Want {
         /// The job's id.
-        job: u32,
+        job: JobId,
         /// Bytes beyond what was asked for before.
         bytes: u32,
     },
     /// A delivery begins; none other may be under way.
     DeliveryBegin {
         /// Chosen by the plug-in, never 0.
-        delivery: u32,
+        delivery: DeliveryId,
         /// The job that it answers, or 0.
-        job: u32,
+        job: JobId,
     },
     /// Bytes for the host.
     Deliver {
         /// The delivery under way.
-        delivery: u32,
+        delivery: DeliveryId,
         /// At least one; must fit the room for deliveries.
         bytes: &'a [u8],
     },
     /// A name for the delivery was found.
     DeliveryName {
         /// The delivery under way.
-        delivery: u32,
+        delivery: DeliveryId,
         /// From the line: the host trusts nothing in it.
         name: &'a str,
     },
     /// The delivery has ended.
     DeliveryEnd {
         /// The delivery under way.
-        delivery: u32,
+        delivery: DeliveryId,
         /// `None`: complete.
         failure: Option<Failure>,
         /// The protocol's own code, 0 without.
@@ -148,14 +148,14 @@ pub enum Action<'a> {
     /// The job is done.
     JobDone {
         /// The job's id.
-        job: u32,
+        job: JobId,
         /// Bytes that left for it.
         sent: u64,
     },
     /// The job has failed.
     JobFailed {
         /// The job's id.
-        job: u32,
+        job: JobId,
         /// Why.
         failure: Failure,
         /// The protocol's own code, 0 without.
@@ -166,7 +166,7 @@ pub enum Action<'a> {
     /// The check pass has ended.
     CheckResult {
         /// The job's id.
-        job: u32,
+        job: JobId,
         /// `None`: good.
         failure: Option<Failure>,
         /// The protocol's own code, 0 without.
@@ -179,7 +179,7 @@ pub enum Action<'a> {
     /// Ask the host for something.
     Request {
         /// Chosen by the plug-in, never 0.
-        request: u32,
+        request: RequestId,
         /// Place of the request's kind in the manifest.
         kind: u16,
         /// The request's fields.
@@ -188,7 +188,7 @@ pub enum Action<'a> {
     /// The request no longer matters.
     Withdraw {
         /// The request's id.
-        request: u32,
+        request: RequestId,
     },
     /// Something for the log.
     Note {
@@ -250,7 +250,7 @@ impl<'a> Action<'a> {
     fn write(&self, w: &mut Writer<'_>) {
         match self {
             Self::Transmit { mark, bytes } | Self::TransmitUrgent { mark, bytes } => {
-                w.u32(*mark);
+                w.u32(mark.0);
                 w.bytes(bytes);
             }
             Self::Hold | Self::Release | Self::Discard => {}
@@ -265,49 +265,49 @@ impl<'a> Action<'a> {
             }
             Self::Break { micros } => w.u32(*micros),
             Self::Want { job, bytes } => {
-                w.u32(*job);
+                w.u32(job.0);
                 w.u32(*bytes);
             }
             Self::DeliveryBegin { delivery, job } => {
-                w.u32(*delivery);
-                w.u32(*job);
+                w.u32(delivery.0);
+                w.u32(job.0);
             }
             Self::Deliver { delivery, bytes } => {
-                w.u32(*delivery);
+                w.u32(delivery.0);
                 w.bytes(bytes);
             }
             Self::DeliveryName { delivery, name } => {
-                w.u32(*delivery);
+                w.u32(delivery.0);
                 w.bytes(name.as_bytes());
             }
             Self::DeliveryEnd { delivery, failure, status } => {
-                w.u32(*delivery);
+                w.u32(delivery.0);
                 w.u16(failure.map_or(0, Failure::code));
                 w.u16(*status);
             }
             Self::JobDone { job, sent } => {
-                w.u32(*job);
+                w.u32(job.0);
                 w.u64(*sent);
             }
             Self::JobFailed { job, failure, status, sent } => {
-                w.u32(*job);
+                w.u32(job.0);
                 w.u16(failure.code());
                 w.u16(*status);
                 w.u64(*sent);
             }
             Self::CheckResult { job, failure, status, line, column } => {
-                w.u32(*job);
+                w.u32(job.0);
                 w.u16(failure.map_or(0, Failure::code));
                 w.u16(*status);
                 w.u32(*line);
                 w.u32(*column);
             }
             Self::Request { request, kind, fields } => {
-                w.u32(*request);
+                w.u32(request.0);
                 w.u16(*kind);
                 w.bytes(fields.as_bytes());
             }
-            Self::Withdraw { request } => w.u32(*request),
+            Self::Withdraw { request } => w.u32(request.0),
             Self::Note { level, code, text } => {
                 w.u8(level.code());
                 w.u8(0);
@@ -335,14 +335,14 @@ impl<'a> Action<'a> {
     fn read(kind: u16, r: &mut Reader<'a>) -> Result<Self, MalformedReason> {
         let action = match kind {
             kind::TRANSMIT => {
-                let (mark, bytes) = (r.u32(), r.rest());
-                if mark == 0 && bytes.is_empty() {
+                let (mark, bytes) = (MarkId(r.u32()), r.rest());
+                if mark == MarkId(0) && bytes.is_empty() {
                     r.fail(MalformedReason::Truncated);
                 }
                 Self::Transmit { mark, bytes }
             }
             kind::TRANSMIT_URGENT => {
-                let (mark, bytes) = (r.u32(), r.rest());
+                let (mark, bytes) = (MarkId(r.u32()), r.rest());
                 r.require("bytes", (1..=URGENT_BYTES).contains(&bytes.len()));
                 Self::TransmitUrgent { mark, bytes }
             }
@@ -361,41 +361,43 @@ impl<'a> Action<'a> {
                 r.require("micros", (1..=BREAK_MICROS).contains(&micros));
                 Self::Break { micros }
             }
-            kind::WANT => Self::Want { job: r.non_zero("job"), bytes: r.non_zero("bytes") },
-            kind::DELIVERY_BEGIN => {
-                Self::DeliveryBegin { delivery: r.non_zero("delivery"), job: r.u32() }
-            }
-            kind::DELIVER => {
-                Self::Deliver { delivery: r.non_zero("delivery"), bytes: r.rest_not_empty() }
-            }
+            kind::WANT => Self::Want { job: JobId(r.non_zero("job")), bytes: r.non_zero("bytes") },
+            kind::DELIVERY_BEGIN => Self::DeliveryBegin {
+                delivery: DeliveryId(r.non_zero("delivery")),
+                job: JobId(r.u32()),
+            },
+            kind::DELIVER => Self::Deliver {
+                delivery: DeliveryId(r.non_zero("delivery")),
+                bytes: r.rest_not_empty(),
+            },
             kind::DELIVERY_NAME => Self::DeliveryName {
-                delivery: r.non_zero("delivery"),
+                delivery: DeliveryId(r.non_zero("delivery")),
                 name: r.text("name", DELIVERY_NAME_BYTES),
             },
             kind::DELIVERY_END => Self::DeliveryEnd {
-                delivery: r.non_zero("delivery"),
+                delivery: DeliveryId(r.non_zero("delivery")),
                 failure: failure(r, "failure"),
                 status: r.u16(),
             },
-            kind::JOB_DONE => Self::JobDone { job: r.non_zero("job"), sent: r.u64() },
+            kind::JOB_DONE => Self::JobDone { job: JobId(r.non_zero("job")), sent: r.u64() },
             kind::JOB_FAILED => {
-                let (job, failure) = (r.non_zero("job"), failure(r, "failure"));
+                let (job, failure) = (JobId(r.non_zero("job")), failure(r, "failure"));
                 let failure = r.known("failure", failure, Failure::Internal);
                 Self::JobFailed { job, failure, status: r.u16(), sent: r.u64() }
             }
             kind::CHECK_RESULT => Self::CheckResult {
-                job: r.non_zero("job"),
+                job: JobId(r.non_zero("job")),
                 failure: failure(r, "failure"),
                 status: r.u16(),
                 line: r.u32(),
                 column: r.u32(),
             },
             kind::REQUEST => Self::Request {
-                request: r.non_zero("request"),
+                request: RequestId(r.non_zero("request")),
                 kind: r.u16(),
                 fields: Values::new(r.rest()),
             },
-            kind::WITHDRAW => Self::Withdraw { request: r.non_zero("request") },
+            kind::WITHDRAW => Self::Withdraw { request: RequestId(r.non_zero("request")) },
             kind::NOTE => {
                 let level = NoteLevel::from_code(r.u8());
                 let level = r.known("level", level, NoteLevel::Error);

@@ -1,9 +1,9 @@
 //! Actions one after the other in an output buffer, read and written.
 
 use super::{Action, kind};
-use crate::Micros;
 use crate::limits::{RECORD_BYTES, TIMERS};
 use crate::wire::{Malformed, MalformedReason, NoSpace, Reader, Writer};
+use crate::{DeliveryId, JobId, MarkId, Micros};
 
 /// Reads the records of an output buffer, checking each.
 ///
@@ -123,7 +123,7 @@ impl<'a> ActionWriter<'a> {
     #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub fn push(&mut self, action: &Action<'_>) -> Result<(), NoSpace> {
         match action {
-            Action::Transmit { mark: 0, bytes } => return self.transmit(bytes),
+            Action::Transmit { mark: MarkId(0), bytes } => return self.transmit(bytes),
             Action::Deliver { delivery, bytes } => return self.deliver(*delivery, bytes),
             Action::SetTimer { id, deadline } => return self.set_timer(*id, *deadline),
             Action::Want { job, bytes } => return self.want(*job, *bytes),
@@ -164,7 +164,7 @@ impl<'a> ActionWriter<'a> {
     /// Pushes a [`Transmit`](Action::Transmit), which may have a mark. Bytes without one are not joined with
     /// those before.
     #[cfg_attr(target_arch = "wasm32", inline(always))]
-    pub fn transmit_marked(&mut self, mark: u32, bytes: &[u8]) -> Result<(), NoSpace> {
+    pub fn transmit_marked(&mut self, mark: MarkId, bytes: &[u8]) -> Result<(), NoSpace> {
         let start = self.begin(kind::TRANSMIT);
         Action::Transmit { mark, bytes }.write(&mut self.writer);
         self.end(start)
@@ -172,8 +172,8 @@ impl<'a> ActionWriter<'a> {
 
     /// The quick way to push a [`Deliver`](Action::Deliver).
     #[inline]
-    pub fn deliver(&mut self, delivery: u32, bytes: &[u8]) -> Result<(), NoSpace> {
-        self.stream(Stream::new(kind::DELIVER, delivery), bytes)
+    pub fn deliver(&mut self, delivery: DeliveryId, bytes: &[u8]) -> Result<(), NoSpace> {
+        self.stream(Stream::new(kind::DELIVER, delivery.0), bytes)
     }
 
     /// The quick way to push a [`SetTimer`](Action::SetTimer).
@@ -189,8 +189,8 @@ impl<'a> ActionWriter<'a> {
     /// The quick way to push a [`Want`](Action::Want).
     #[inline]
     #[expect(clippy::many_single_char_names, reason = "the bytes of a record")]
-    pub fn want(&mut self, job: u32, bytes: u32) -> Result<(), NoSpace> {
-        let ([a, b, c, d], [e, f, g, h]) = (head(kind::WANT, 8), job.to_le_bytes());
+    pub fn want(&mut self, job: JobId, bytes: u32) -> Result<(), NoSpace> {
+        let ([a, b, c, d], [e, f, g, h]) = (head(kind::WANT, 8), job.0.to_le_bytes());
         let [i, j, k, l] = bytes.to_le_bytes();
         self.whole([a, b, c, d, e, f, g, h, i, j, k, l])
     }
@@ -205,9 +205,13 @@ impl<'a> ActionWriter<'a> {
 
     /// Pushes a [`DeliveryName`](Action::DeliveryName) of ASCII characters; of any
     /// other byte the highest bit is left out.
-    pub fn delivery_name_ascii(&mut self, delivery: u32, name: &[u8]) -> Result<(), NoSpace> {
+    pub fn delivery_name_ascii(
+        &mut self,
+        delivery: DeliveryId,
+        name: &[u8],
+    ) -> Result<(), NoSpace> {
         let start = self.begin(kind::DELIVERY_NAME);
-        self.writer.u32(delivery);
+        self.writer.u32(delivery.0);
         self.writer.ascii(name);
         self.end(start)
     }

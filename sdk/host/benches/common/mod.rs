@@ -2,7 +2,7 @@
 //! event: what a plug-in costs on a line, without the line.
 
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Action, Event, EventKind, Instance, LineParameters, Micros, Output};
+use softplug_abi::{Action, Event, EventKind, Instance, JobId, LineParameters, Micros, Output};
 use softplug_host::{Host, HostOptions, Plugin};
 use softplug_link::{Job, LinkHost, LinkOptions, Supply, VirtualLine};
 use softplug_native::{NativeInstance, NativePlugin};
@@ -199,8 +199,13 @@ impl Bench {
     fn begin(&mut self, id: u32, data: &[u8]) {
         self.far.data = data.to_vec();
         self.far.at = 0;
-        let job =
-            Job { id, kind: 0, size: Some(data.len() as u64), fields: Vec::new(), check: false };
+        let job = Job {
+            id: JobId(id),
+            kind: 0,
+            size: Some(data.len() as u64),
+            fields: Vec::new(),
+            check: false,
+        };
         let now = self.line.link.now();
         self.line.link.begin_job(now, job, &mut self.far).expect("it takes a job");
         self.line.tick(now, &mut self.far).expect("it goes on");
@@ -253,7 +258,7 @@ impl LinkHost for Far {
         }
     }
 
-    fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _job: JobId, buffer: &mut [u8]) -> Supply {
         let rest = &self.data[self.at..];
         let count = rest.len().min(buffer.len());
         if count == 0 {

@@ -3,7 +3,7 @@
 use super::Link;
 use crate::LinkHost;
 use crate::fault::LinkFault;
-use softplug_abi::{Event, Instance, LineErrorKind, LinkDownReason, Micros, ModemLines};
+use softplug_abi::{Event, Instance, LineErrorKind, LinkDownReason, MarkId, Micros, ModemLines};
 
 impl<I: Instance> Link<I> {
     /// Bytes from the line, all at this time. They may be cut anywhere.
@@ -89,7 +89,7 @@ impl<I: Instance> Link<I> {
         let is_later = now > self.now;
         self.begin_instant(now);
         while let Some((mark, state)) = is_later.then(|| self.core.queue.next_mark()).flatten() {
-            self.step(&Event::Mark { mark, state }, host)?;
+            self.step(&Event::Mark { mark: MarkId(mark.0), state }, host)?;
         }
         self.steps = 0;
         Ok(())

@@ -4,7 +4,7 @@ use super::Link;
 use crate::LinkHost;
 use crate::fault::LinkFault;
 use crate::job::{ActiveJob, Job};
-use softplug_abi::{Action, Event, Failure, Instance, Micros, Values};
+use softplug_abi::{Action, Event, Failure, Instance, JobId, Micros, RequestId, Values};
 
 /// Bytes of a job's beginning before its fields.
 const JOB_BEGIN_HEAD: usize = 16;
@@ -31,7 +31,7 @@ impl<I: Instance> Link<I> {
             None => too_long.then_some(Failure::BadJob),
         };
         if let Some(failure) = failure {
-            let refused = Action::JobFailed { job: job.id, failure, status: 0, sent: 0 };
+            let refused = Action::JobFailed { job: JobId(job.id.0), failure, status: 0, sent: 0 };
             host.handle(self.now, &refused);
             return Ok(());
         }
@@ -49,14 +49,14 @@ impl<I: Instance> Link<I> {
         let Job { id, kind, size, fields, .. } = active.job.clone();
         let pass = active.pass;
         let fields = Values::new(&fields);
-        self.step(&Event::JobBegin { job: id, kind, pass, size, fields }, host)
+        self.step(&Event::JobBegin { job: JobId(id.0), kind, pass, size, fields }, host)
     }
 
     /// Asks for a pause of the job.
     pub fn pause(
         &mut self,
         now: Micros,
-        job: u32,
+        job: JobId,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.request_of_job(now, job, &Event::Pause { job }, host)
@@ -66,7 +66,7 @@ impl<I: Instance> Link<I> {
     pub fn resume(
         &mut self,
         now: Micros,
-        job: u32,
+        job: JobId,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.request_of_job(now, job, &Event::Resume { job }, host)
@@ -76,7 +76,7 @@ impl<I: Instance> Link<I> {
     pub fn abort(
         &mut self,
         now: Micros,
-        job: u32,
+        job: JobId,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.request_of_job(now, job, &Event::Abort { job }, host)
@@ -86,13 +86,13 @@ impl<I: Instance> Link<I> {
     fn request_of_job(
         &mut self,
         now: Micros,
-        job: u32,
+        job: JobId,
         event: &Event<'_>,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.run(now, host)?;
         self.steps = 0;
-        if job != 0 && self.job() != Some(job) {
+        if job != JobId(0) && self.job() != Some(job) {
             return Ok(());
         }
         self.step(event, host)?;
@@ -116,7 +116,7 @@ impl<I: Instance> Link<I> {
     pub fn answer(
         &mut self,
         now: Micros,
-        request: u32,
+        request: RequestId,
         answer: Result<&[u8], Failure>,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {

@@ -3,7 +3,7 @@
 use super::Link;
 use crate::core::Core;
 use alloc::vec::Vec;
-use softplug_abi::{Instance, Pass};
+use softplug_abi::{DeliveryId, Instance, JobId, Pass, RequestId};
 
 /// What is under way on a link: what a plug-in that takes over finds there.
 ///
@@ -48,11 +48,11 @@ use softplug_abi::{Instance, Pass};
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct UnderWay {
     /// The job and its pass.
-    pub job: Option<(u32, Pass)>,
+    pub job: Option<(JobId, Pass)>,
     /// The delivery.
-    pub delivery: Option<u32>,
+    pub delivery: Option<DeliveryId>,
     /// Requests that are not answered yet.
-    pub requests: Vec<u32>,
+    pub requests: Vec<RequestId>,
     /// Marks outstanding.
     pub marks: u32,
 }

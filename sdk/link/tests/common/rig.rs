@@ -1,7 +1,7 @@
 //! A scripted plug-in on a virtual line, with all that happens on record.
 
 use super::{Plugin, Refused, Script};
-use softplug_abi::{Action, Micros};
+use softplug_abi::{Action, JobId, Micros};
 use softplug_link::{
     Job, Link, LinkFault, LinkOptions, Observed, Recorder, RuleBroken, VirtualLine,
 };
@@ -84,9 +84,9 @@ impl Rig {
 
     /// Begins a job with this data at `at`.
     pub(crate) fn begin(&mut self, at: i64, id: u32, data: &[u8], check: bool) {
-        self.out.add_source(id, data.to_vec());
+        self.out.add_source(JobId(id), data.to_vec());
         let size = Some(data.len() as u64);
-        let job = Job { id, kind: 0, size, fields: Vec::new(), check };
+        let job = Job { id: JobId(id), kind: 0, size, fields: Vec::new(), check };
         self.host(at, |link, out| link.begin_job(Micros(at), job, out));
     }
 

@@ -1,18 +1,18 @@
 //! Rooms, and what may be outstanding.
 
 use crate::common::{Rig, rooms};
-use softplug_abi::{Action, Failure, Values};
+use softplug_abi::{Action, DeliveryId, Failure, JobId, MarkId, RequestId, Values};
 use softplug_link::RuleBroken;
 
 fn transmit(bytes: &[u8]) -> Action<'_> {
-    Action::Transmit { mark: 0, bytes }
+    Action::Transmit { mark: MarkId(0), bytes }
 }
 
 fn deliver(bytes: &[u8]) -> Action<'_> {
-    Action::Deliver { delivery: 1, bytes }
+    Action::Deliver { delivery: DeliveryId(1), bytes }
 }
 
-const BEGIN: Action<'static> = Action::DeliveryBegin { delivery: 1, job: 0 };
+const BEGIN: Action<'static> = Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) };
 
 /// How much room events that begin so have given.
 fn grown(events: &[String], name: &str) -> u32 {
@@ -29,7 +29,10 @@ fn credit_exceeded() {
     };
     let eight = [b'x'; 8];
     let over = |asked, room| RuleBroken::TransmitRoom { asked, room };
-    rig().does(0, &[transmit(&eight), Action::TransmitUrgent { mark: 0, bytes: &[b'u'; 16] }]);
+    rig().does(
+        0,
+        &[transmit(&eight), Action::TransmitUrgent { mark: MarkId(0), bytes: &[b'u'; 16] }],
+    );
     assert_eq!(rig().breaks(0, &[transmit(&[b'x'; 9])]), over(9, 8));
     assert_eq!(rig().breaks(0, &[transmit(b"12345"), transmit(b"6789")]), over(4, 3));
     // A dropped byte is room again only when that was told.
@@ -95,12 +98,12 @@ fn credit_memory() {
     assert_eq!(rig.out.open_delivery.as_ref().unwrap().bytes, b"ab");
     rig.does(10, &[deliver(b"cd")]);
     let failure = Some(Failure::NoEndMark);
-    rig.does(20, &[Action::DeliveryEnd { delivery: 1, failure, status: 7 }]);
+    rig.does(20, &[Action::DeliveryEnd { delivery: DeliveryId(1), failure, status: 7 }]);
 
     // The plug-in ends in the middle of the next one.
-    let begin = Action::DeliveryBegin { delivery: 2, job: 0 };
-    rig.does(30, &[begin, Action::Deliver { delivery: 2, bytes: b"ef" }]);
-    rig.breaks(40, &[Action::Deliver { delivery: 2, bytes: b"gh" }, BEGIN]);
+    let begin = Action::DeliveryBegin { delivery: DeliveryId(2), job: JobId(0) };
+    rig.does(30, &[begin, Action::Deliver { delivery: DeliveryId(2), bytes: b"ef" }]);
+    rig.breaks(40, &[Action::Deliver { delivery: DeliveryId(2), bytes: b"gh" }, BEGIN]);
 
     let kept: Vec<_> =
         rig.out.deliveries().iter().map(|kept| (kept.bytes.clone(), kept.failure)).collect();
@@ -113,18 +116,18 @@ fn credit_outstanding() {
     let rig = || Rig::new(rooms(200, 64), 1);
     let marked = |count: u32| {
         let mark = |mark| Action::Transmit { mark, bytes: b"x" };
-        [Action::Hold].into_iter().chain((1..=count).map(mark)).collect::<Vec<_>>()
+        [Action::Hold].into_iter().chain((1..=count).map(MarkId).map(mark)).collect::<Vec<_>>()
     };
     let mut full = rig();
     full.does(0, &marked(64));
     assert_eq!(
-        full.breaks(10, &[Action::Transmit { mark: 65, bytes: b"" }]),
+        full.breaks(10, &[Action::Transmit { mark: MarkId(65), bytes: b"" }]),
         RuleBroken::TooManyMarks
     );
     assert_eq!(rig().breaks(0, &marked(65)), RuleBroken::TooManyMarks);
     let mut urgent = rig();
     urgent.does(0, &marked(64));
-    let one_more = Action::TransmitUrgent { mark: 65, bytes: b"u" };
+    let one_more = Action::TransmitUrgent { mark: MarkId(65), bytes: b"u" };
     assert_eq!(urgent.breaks(10, &[one_more]), RuleBroken::TooManyMarks);
     // Dropped marks are no longer outstanding once that was told.
     let mut again = rig();
@@ -136,7 +139,7 @@ fn credit_outstanding() {
     again.until(65_000);
     again.does(65_000, &marked(64));
 
-    let urgent = |bytes| Action::TransmitUrgent { mark: 0, bytes };
+    let urgent = |bytes| Action::TransmitUrgent { mark: MarkId(0), bytes };
     let pause = Action::Break { micros: 1 };
     rig().does(0, &[urgent(&[b'u'; 16])]);
     rig().does(0, &[urgent(&[b'u'; 15]), pause.clone()]);
@@ -152,11 +155,16 @@ fn credit_outstanding() {
     given.does(500, &[urgent(b"u")]);
 
     let request = |request| Action::Request { request, kind: 0, fields: Values::new(b"") };
-    let four = [request(1), request(2), request(3), request(4)];
+    let four = [
+        request(RequestId(1)),
+        request(RequestId(2)),
+        request(RequestId(3)),
+        request(RequestId(4)),
+    ];
     let mut asking = rig();
     asking.does(0, &four);
-    assert_eq!(asking.breaks(10, &[request(5)]), RuleBroken::TooManyRequests);
+    assert_eq!(asking.breaks(10, &[request(RequestId(5))]), RuleBroken::TooManyRequests);
     let mut asking = rig();
     asking.does(0, &four);
-    asking.does(10, &[Action::Withdraw { request: 2 }, request(5)]);
+    asking.does(10, &[Action::Withdraw { request: RequestId(2) }, request(RequestId(5))]);
 }

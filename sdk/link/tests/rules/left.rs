@@ -2,7 +2,7 @@
 
 use crate::common::{Rig, Script, rooms, unknown_rate};
 use crate::{assert_events, assert_given};
-use softplug_abi::{Action, Micros};
+use softplug_abi::{Action, MarkId, Micros};
 use softplug_link::{Link, Recorder, Taken};
 
 /// A link alone, for a port whose progress is known only roughly.
@@ -25,7 +25,10 @@ fn left_maybe_never_late() {
     let mut rig = Rig::new(rooms(64, 64), 4);
     rig.does(
         0,
-        &[Action::Transmit { mark: 1, bytes: b"A" }, Action::Transmit { mark: 2, bytes: b"BCD" }],
+        &[
+            Action::Transmit { mark: MarkId(1), bytes: b"A" },
+            Action::Transmit { mark: MarkId(2), bytes: b"BCD" },
+        ],
     );
     rig.until(5_000);
     assert_given!(
@@ -40,7 +43,7 @@ fn left_maybe_never_late() {
     );
 
     // As soon as it can have left, though it is not certain.
-    let (mut link, script, mut out) = bare(&[Action::Transmit { mark: 3, bytes: b"AB" }]);
+    let (mut link, script, mut out) = bare(&[Action::Transmit { mark: MarkId(3), bytes: b"AB" }]);
     assert_eq!(link.take(&mut [0; 2]), Taken::Bytes(2));
     link.left(1, 0);
     link.run(Micros(500), &mut out).unwrap();
@@ -52,8 +55,10 @@ fn left_maybe_never_late() {
 
 #[test]
 fn left_surely_never_early() {
-    let transmit =
-        [Action::Transmit { mark: 1, bytes: b"AB" }, Action::Transmit { mark: 2, bytes: b"C" }];
+    let transmit = [
+        Action::Transmit { mark: MarkId(1), bytes: b"AB" },
+        Action::Transmit { mark: MarkId(2), bytes: b"C" },
+    ];
     let (mut link, script, mut out) = bare(&transmit);
     // What the port was not given cannot have left.
     link.left(3, 3);
@@ -84,7 +89,7 @@ fn left_surely_never_early() {
 #[test]
 fn left_before_later_bytes() {
     let mut rig = Rig::new(rooms(64, 64), 1);
-    rig.does(0, &[Action::Transmit { mark: 1, bytes: b"A" }]);
+    rig.does(0, &[Action::Transmit { mark: MarkId(1), bytes: b"A" }]);
     rig.given();
     rig.receive(1_001, &[b"x"]).unwrap();
     assert_given!(
@@ -93,7 +98,7 @@ fn left_before_later_bytes() {
     );
 
     // Also where nobody ran the link in between.
-    let (mut link, script, mut out) = bare(&[Action::Transmit { mark: 1, bytes: b"A" }]);
+    let (mut link, script, mut out) = bare(&[Action::Transmit { mark: MarkId(1), bytes: b"A" }]);
     link.take(&mut [0; 1]);
     link.run(Micros(0), &mut out).unwrap();
     script.take();
@@ -105,7 +110,7 @@ fn left_before_later_bytes() {
 #[test]
 fn left_unknown_rate() {
     let mut rig = Rig::new(unknown_rate(), 4);
-    rig.does(700, &[Action::Hold, Action::Transmit { mark: 1, bytes: b"ABCDEFGH" }]);
+    rig.does(700, &[Action::Hold, Action::Transmit { mark: MarkId(1), bytes: b"ABCDEFGH" }]);
     rig.until(800);
     assert_events!(rig, []);
     rig.does(900, &[Action::Release]);
@@ -121,19 +126,19 @@ fn left_empty_transmit() {
     let empty = |mark| Action::Transmit { mark, bytes: b"" };
     let mut rig = Rig::new(rooms(4, 64), 2);
     // On the last byte of the queue.
-    rig.does(0, &[Action::Transmit { mark: 0, bytes: b"ABC" }, empty(1)]);
+    rig.does(0, &[Action::Transmit { mark: MarkId(0), bytes: b"ABC" }, empty(MarkId(1))]);
     rig.until(2_500);
     rig.given();
     rig.until(3_000);
     assert_given!(rig, [(3_000, "mark 1 maybe-left"), (3_000, "mark 1 surely-left")]);
 
     // Nothing is queued and all has left: at once.
-    rig.does(5_000, &[empty(2)]);
+    rig.does(5_000, &[empty(MarkId(2))]);
     assert_given!(rig, [(5_000, "mark 2 maybe-left"), (5_000, "mark 2 surely-left")]);
 
     // Nothing is queued but the port holds two: with the second of them.
-    rig.does(6_000, &[Action::Transmit { mark: 0, bytes: b"DE" }]);
-    rig.does(6_500, &[empty(3)]);
+    rig.does(6_000, &[Action::Transmit { mark: MarkId(0), bytes: b"DE" }]);
+    rig.does(6_500, &[empty(MarkId(3))]);
     rig.given();
     rig.until(9_000);
     assert_given!(rig, [(8_000, "mark 3 maybe-left"), (8_000, "mark 3 surely-left")]);

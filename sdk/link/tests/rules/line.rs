@@ -2,7 +2,10 @@
 
 use crate::common::{Rig, Script, rooms, setting_values};
 use crate::{assert_events, assert_given};
-use softplug_abi::{Action, EventKind, Failure, LineErrorKind, LineParameters, LinkDownReason};
+use softplug_abi::{
+    Action, DeliveryId, EventKind, Failure, JobId, LineErrorKind, LineParameters, LinkDownReason,
+    MarkId, RequestId,
+};
 use softplug_abi::{Micros, ModemLines, Parity, Values};
 use softplug_link::{LinkFault, LinkOptions, Observed};
 
@@ -41,7 +44,7 @@ fn line_unaltered() {
     let line = LineParameters { data_bits: 7, parity: Parity::Even, ..LineParameters::new(9_600) };
     for line in [LineParameters::new(9_600), line, LineParameters::new(0)] {
         let mut rig = Rig::new(LinkOptions { line, ..rooms(256, 256) }, 4);
-        rig.does(0, &[Action::Transmit { mark: 0, bytes: &all }]);
+        rig.does(0, &[Action::Transmit { mark: MarkId(0), bytes: &all }]);
         rig.given();
         rig.receive(100, &[&all]).unwrap();
         let received = format!("received \"{}\"", all.escape_ascii());
@@ -150,18 +153,18 @@ fn close_as_new() {
     rig.does(
         0,
         &[
-            Action::Transmit { mark: 1, bytes: b"ABCD" },
+            Action::Transmit { mark: MarkId(1), bytes: b"ABCD" },
             Action::SetTimer { id: 1, deadline: Micros(9_000) },
-            Action::DeliveryBegin { delivery: 2, job: 5 },
-            Action::Deliver { delivery: 2, bytes: b"xy" },
-            Action::Request { request: 3, kind: 0, fields: Values::new(b"") },
+            Action::DeliveryBegin { delivery: DeliveryId(2), job: JobId(5) },
+            Action::Deliver { delivery: DeliveryId(2), bytes: b"xy" },
+            Action::Request { request: RequestId(3), kind: 0, fields: Values::new(b"") },
         ],
     );
     rig.does(
         500,
         &[
             Action::Hold,
-            Action::TransmitUrgent { mark: 4, bytes: b"U" },
+            Action::TransmitUrgent { mark: MarkId(4), bytes: b"U" },
             Action::Break { micros: 9 },
         ],
     );
@@ -179,7 +182,7 @@ fn close_as_new() {
         if kept.bytes == b"xy" && kept.failure == Some(Failure::Interrupted)));
     assert!(matches!(
         observed[2],
-        (600, Observed::Failed { job: 5, failure: Failure::Interrupted, .. })
+        (600, Observed::Failed { job: JobId(5), failure: Failure::Interrupted, .. })
     ));
 
     // Closed: nothing reaches it.
@@ -187,9 +190,9 @@ fn close_as_new() {
     assert_given!(rig, []);
 
     rig.host(2_000, |link, out| link.open(Micros(2_000), out));
-    rig.host(2_000, |link, out| link.answer(Micros(2_000), 3, Ok(b"old"), out));
+    rig.host(2_000, |link, out| link.answer(Micros(2_000), RequestId(3), Ok(b"old"), out));
     // All room is back, nothing is held, no mark and no timer of before comes.
-    rig.does(3_000, &[Action::Transmit { mark: 1, bytes: b"EFGHIJKL" }]);
+    rig.does(3_000, &[Action::Transmit { mark: MarkId(1), bytes: b"EFGHIJKL" }]);
     rig.until(20_000);
     let given = rig.given();
     assert_eq!(
@@ -207,9 +210,9 @@ fn close_as_new() {
     let wire: Vec<u8> = rig.wire().into_iter().map(|(_, byte)| byte).collect();
     assert_eq!(wire, b"AEFGHIJKL");
     // The ids of before are free.
-    rig.does(21_000, &[Action::DeliveryBegin { delivery: 2, job: 0 }]);
+    rig.does(21_000, &[Action::DeliveryBegin { delivery: DeliveryId(2), job: JobId(0) }]);
     rig.begin(22_000, 6, b"", false);
-    assert_eq!(rig.line.link.job(), Some(6));
+    assert_eq!(rig.line.link.job(), Some(JobId(6)));
     // Data that was asked for before is not given now.
     assert_events!(rig, ["job-begin 6 run"]);
 }

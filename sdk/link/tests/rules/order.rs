@@ -2,7 +2,10 @@
 
 use crate::common::{Rig, Script, rooms};
 use crate::{assert_events, assert_given};
-use softplug_abi::{Action, ActionWriter, Event, Instance, LineErrorKind, Micros, ModemLines};
+use softplug_abi::{
+    Action, ActionWriter, DeliveryId, Event, Instance, JobId, LineErrorKind, MarkId, Micros,
+    ModemLines,
+};
 use softplug_abi::{NoteLevel, Output};
 use softplug_link::{Link, Observed, Recorder, VirtualLine};
 use std::convert::Infallible;
@@ -15,10 +18,10 @@ fn order_instant() {
     rig.does(
         0,
         &[
-            Action::Transmit { mark: 1, bytes: b"A" },
-            Action::Transmit { mark: 2, bytes: b"BC" },
-            Action::DeliveryBegin { delivery: 1, job: 0 },
-            Action::Deliver { delivery: 1, bytes: b"12345678" },
+            Action::Transmit { mark: MarkId(1), bytes: b"A" },
+            Action::Transmit { mark: MarkId(2), bytes: b"BC" },
+            Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) },
+            Action::Deliver { delivery: DeliveryId(1), bytes: b"12345678" },
             Action::SetTimer { id: 3, deadline: Micros(1_000) },
         ],
     );
@@ -29,19 +32,19 @@ fn order_instant() {
     // all deliveries away, and the plug-in discards and asks for data.
     let now = Micros(1_000);
     rig.out.drain(8);
-    rig.script.once("received \"!\"", &[Action::Discard, Action::Want { job: 5, bytes: 2 }]);
+    rig.script.once("received \"!\"", &[Action::Discard, Action::Want { job: JobId(5), bytes: 2 }]);
     // Made due by an event, and ahead of others in the order.
     let deadline = Micros(10);
     rig.script.once(
         "timer 3",
-        &[Action::SetTimer { id: 4, deadline }, Action::Transmit { mark: 9, bytes: b"" }],
+        &[Action::SetTimer { id: 4, deadline }, Action::Transmit { mark: MarkId(9), bytes: b"" }],
     );
     let (link, out) = (&mut rig.line.link, &mut rig.out);
     link.line_error(now, LineErrorKind::Parity, Some(0x41), 0, out).unwrap();
     link.received(now, b"!", out).unwrap();
     link.modem_lines(now, ModemLines::CTS, ModemLines::CTS, out).unwrap();
     rig.tick(1_000);
-    rig.host(1_000, |link, out| link.pause(now, 5, out));
+    rig.host(1_000, |link, out| link.pause(now, JobId(5), out));
 
     assert_given!(
         rig,
@@ -67,8 +70,8 @@ fn order_instant() {
 #[test]
 fn order_transmitter_last() {
     let mut rig = Rig::new(rooms(64, 64), 1);
-    rig.does(0, &[Action::Hold, Action::Transmit { mark: 1, bytes: b"A" }]);
-    rig.does(10, &[Action::Transmit { mark: 0, bytes: b"B" }]);
+    rig.does(0, &[Action::Hold, Action::Transmit { mark: MarkId(1), bytes: b"A" }]);
+    rig.does(10, &[Action::Transmit { mark: MarkId(0), bytes: b"B" }]);
     rig.script.on("received \"Q\"", &[Action::Release]);
     rig.script.on("received \"S\"", &[Action::Hold]);
 
@@ -84,7 +87,7 @@ fn order_transmitter_last() {
     assert_eq!(rig.wire(), [(200, b'A')]);
 
     // XOFF at the instant at which the wire comes free.
-    rig.does(10_000, &[Action::Release, Action::Transmit { mark: 0, bytes: b"CD" }]);
+    rig.does(10_000, &[Action::Release, Action::Transmit { mark: MarkId(0), bytes: b"CD" }]);
     rig.receive(11_000, &[b"S"]).unwrap();
     rig.until(20_000);
     assert_eq!(rig.wire(), [(200, b'A'), (10_000, b'B')]);
@@ -130,7 +133,7 @@ impl Instance for Relay {
             Event::TransmitRoom { grown } => self.room += grown,
             Event::Received(bytes) => {
                 if !std::mem::replace(&mut self.began, true) {
-                    put(Action::DeliveryBegin { delivery: 1, job: 0 });
+                    put(Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) });
                 }
                 for byte in *bytes {
                     match byte {
@@ -138,14 +141,16 @@ impl Instance for Relay {
                         b'Q' => put(Action::Release),
                         _ if self.room > 0 => {
                             self.room -= 1;
-                            put(Action::Transmit { mark: 0, bytes: &[*byte] });
-                            put(Action::Deliver { delivery: 1, bytes: &[*byte] });
+                            put(Action::Transmit { mark: MarkId(0), bytes: &[*byte] });
+                            put(Action::Deliver { delivery: DeliveryId(1), bytes: &[*byte] });
                         }
                         _ => put(Action::Note { level: NoteLevel::Error, code: 0, text: "lost" }),
                     }
                 }
             }
-            Event::Close => put(Action::DeliveryEnd { delivery: 1, failure: None, status: 0 }),
+            Event::Close => {
+                put(Action::DeliveryEnd { delivery: DeliveryId(1), failure: None, status: 0 })
+            }
             _ => {}
         }
         self.output = writer.written().to_vec();
@@ -204,8 +209,9 @@ fn cuts_one_time() {
 fn output_continue_first() {
     let mut rig = Rig::new(rooms(64, 64), 1);
     let timer = Action::SetTimer { id: 1, deadline: Micros(10) };
-    rig.script.once_more("received \"x\"", &[Action::Transmit { mark: 1, bytes: b"A" }, timer]);
-    rig.script.once_more("continue", &[Action::Transmit { mark: 0, bytes: b"B" }]);
+    rig.script
+        .once_more("received \"x\"", &[Action::Transmit { mark: MarkId(1), bytes: b"A" }, timer]);
+    rig.script.once_more("continue", &[Action::Transmit { mark: MarkId(0), bytes: b"B" }]);
     rig.script.once("continue", &[Action::Hold]);
     rig.receive(100, &[b"x"]).unwrap();
     rig.until(5_000);
@@ -232,7 +238,7 @@ fn output_rounds() {
     for _ in 0..255 {
         rig.script.once_more("continue", &[]);
     }
-    rig.script.once("continue", &[Action::Transmit { mark: 0, bytes: b"A" }]);
+    rig.script.once("continue", &[Action::Transmit { mark: MarkId(0), bytes: b"A" }]);
     rig.receive(10, &[b"x"]).unwrap();
     let continued = rig.events().iter().filter(|event| *event == "continue").count();
     assert_eq!(continued, 256);

@@ -5,14 +5,14 @@ use super::swap::{saved, swap};
 use crate::assert_given;
 use crate::common::{Plugin, Rig, Script, rooms};
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Action, EventKind, Failure, Micros, ModemLines};
+use softplug_abi::{Action, EventKind, Failure, JobId, MarkId, Micros, ModemLines};
 use softplug_link::{LinkFault, LinkOptions, Observed, Spare, Successor, SwapError};
 
 #[test]
 fn swap_probation() {
     // Up to its first action the old one simply goes on.
     let hold = [Action::Hold];
-    let another_job = [Action::State { name: "resumed" }, Action::Want { job: 2, bytes: 1 }];
+    let another_job = [Action::State { name: "resumed" }, Action::Want { job: JobId(2), bytes: 1 }];
     let prepare: [&dyn Fn(&Script); 8] = [
         &|next| next.once("open", &another_job),
         &|next| next.refuse("settings"),
@@ -30,7 +30,7 @@ fn swap_probation() {
         rig.does(
             0,
             &[
-                Action::Transmit { mark: 1, bytes: b"ABC" },
+                Action::Transmit { mark: MarkId(1), bytes: b"ABC" },
                 Action::SetTimer { id: 1, deadline: Micros(2_000) },
             ],
         );
@@ -52,7 +52,7 @@ fn swap_probation() {
             ]
         );
         assert_eq!(rig.wire().len(), 3);
-        assert_eq!((rig.line.link.job(), rig.observed().len()), (Some(1), 0), "case {case}");
+        assert_eq!((rig.line.link.job(), rig.observed().len()), (Some(JobId(1)), 0), "case {case}");
     }
     // One that saves nothing is not replaced.
     let mut rig = Rig::new(rooms(64, 64), 1);
@@ -70,7 +70,8 @@ fn swap_probation() {
     assert_eq!(next.take(), []);
 
     // Without probation a later fault ends the job.
-    let failed = Observed::Failed { job: 1, failure: Failure::Interrupted, status: 0, sent: 0 };
+    let failed =
+        Observed::Failed { job: JobId(1), failure: Failure::Interrupted, status: 0, sent: 0 };
     let lines = (ModemLines::CTS, ModemLines::CTS);
     let options = LinkOptions { modem_lines: Some(lines), ..rooms(64, 64) };
     let mut rig = Rig::new(options, 1);
@@ -90,7 +91,7 @@ fn swap_probation() {
     let mut rig = Rig::new(rooms(64, 64), 1);
     rig.script.on("save", &[saved(0, 0, b"")]);
     rig.begin(0, 1, b"data", false);
-    rig.does(0, &[Action::Transmit { mark: 0, bytes: b"ABC" }]);
+    rig.does(0, &[Action::Transmit { mark: MarkId(0), bytes: b"ABC" }]);
     let next = Script::default();
     next.refuse("received");
     swap(&mut rig, 10, &next).unwrap();
@@ -118,7 +119,7 @@ fn swap_probation() {
     let reverted = rig.line.link.take_reverted().expect("it was reverted");
     assert_eq!((reverted.at, reverted.event), (Micros(30), EventKind::Received));
     assert!(rig.line.link.take_reverted().is_none());
-    assert_eq!((rig.line.link.job(), rig.observed()), (Some(1), Vec::new()));
+    assert_eq!((rig.line.link.job(), rig.observed()), (Some(JobId(1)), Vec::new()));
     rig.until(9_000);
     assert_eq!(rig.wire().len(), 3);
 
@@ -150,7 +151,7 @@ fn on_probation(accepted: u16) -> (Rig, Script) {
     let mut rig = Rig::new(rooms(64, 64), 1);
     rig.script.on("save", &[saved(0, 0, b"")]);
     rig.begin(0, 1, b"data", false);
-    rig.does(0, &[Action::Transmit { mark: 0, bytes: b"ABC" }]);
+    rig.does(0, &[Action::Transmit { mark: MarkId(0), bytes: b"ABC" }]);
     let (next, spare) = (Script::default(), Script::default());
     next.on("save", &[saved(0, 2, b"NX")]);
     next.refuse("received \"x\"");
@@ -168,7 +169,7 @@ fn another_begins_as_new_after_a_fault() {
     rig.does(
         0,
         &[
-            Action::Transmit { mark: 1, bytes: b"ABC" },
+            Action::Transmit { mark: MarkId(1), bytes: b"ABC" },
             Action::Hold,
             Action::SetTimer { id: 1, deadline: Micros(900) },
         ],
@@ -185,7 +186,7 @@ fn another_begins_as_new_after_a_fault() {
     assert_eq!(told, ["settings first=true last=true", opened]);
     assert_eq!((rig.line.link.job(), rig.wire().len(), rig.line.link.is_idle()), (None, 0, true));
     rig.script = next;
-    rig.does(2_500, &[Action::Transmit { mark: 1, bytes: b"N" }]);
+    rig.does(2_500, &[Action::Transmit { mark: MarkId(1), bytes: b"N" }]);
     rig.until(9_000);
     assert_eq!(rig.wire(), [(2_500, b'N')]);
 

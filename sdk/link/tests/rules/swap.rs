@@ -3,7 +3,9 @@
 use crate::assert_events;
 use crate::common::{Plugin, Rig, Script, rooms};
 use softplug_abi::limits::STATE_BYTES;
-use softplug_abi::{Action, Failure, Micros, ModemLines, NoteLevel, Values};
+use softplug_abi::{
+    Action, DeliveryId, Failure, JobId, MarkId, Micros, ModemLines, NoteLevel, RequestId, Values,
+};
 use softplug_link::{
     Link, LinkFault, LinkHost, LinkOptions, Observed, Recorder, RuleBroken, Supply, SwapError,
 };
@@ -26,7 +28,7 @@ fn swap_quiet() {
     script.once(
         "open",
         &[
-            Action::Transmit { mark: 1, bytes: b"A" },
+            Action::Transmit { mark: MarkId(1), bytes: b"A" },
             Action::SetTimer { id: 1, deadline: Micros(1_000) },
         ],
     );
@@ -64,7 +66,7 @@ impl LinkHost for Slow {
         self.recorder.handle(now, action);
     }
 
-    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         if self.has_data { self.recorder.supply(job, buffer) } else { Supply::Later }
     }
 }
@@ -77,11 +79,11 @@ fn swap_link_keeps() {
     script.once(
         "job-begin",
         &[
-            Action::Want { job: 1, bytes: 3 },
-            Action::DeliveryBegin { delivery: 4, job: 1 },
-            Action::Deliver { delivery: 4, bytes: b"old" },
-            Action::Transmit { mark: 1, bytes: b"ABCDEF" },
-            Action::Request { request: 7, kind: 0, fields: Values::new(b"") },
+            Action::Want { job: JobId(1), bytes: 3 },
+            Action::DeliveryBegin { delivery: DeliveryId(4), job: JobId(1) },
+            Action::Deliver { delivery: DeliveryId(4), bytes: b"old" },
+            Action::Transmit { mark: MarkId(1), bytes: b"ABCDEF" },
+            Action::Request { request: RequestId(7), kind: 0, fields: Values::new(b"") },
             Action::ModemLines { mask: dtr, on: dtr },
         ],
     );
@@ -90,8 +92,9 @@ fn swap_link_keeps() {
     let mut out = Slow::default();
     let mut link = Link::new(script.plugin(), options);
     link.open(Micros::ZERO, &mut out).unwrap();
-    out.recorder.add_source(1, b"xyz".to_vec());
-    let job = softplug_link::Job { id: 1, kind: 0, size: None, fields: Vec::new(), check: false };
+    out.recorder.add_source(JobId(1), b"xyz".to_vec());
+    let job =
+        softplug_link::Job { id: JobId(1), kind: 0, size: None, fields: Vec::new(), check: false };
     link.begin_job(Micros::ZERO, job, &mut out).unwrap();
     // One byte is with the port, five wait and are held; no room was told.
     link.take(&mut [0; 1]);
@@ -116,18 +119,18 @@ fn swap_link_keeps() {
     );
     // Held, and the queue is there.
     assert_eq!((link.waiting(), link.take(&mut [0; 8])), (5, softplug_link::Taken::Nothing));
-    assert_eq!(link.job(), Some(1));
+    assert_eq!(link.job(), Some(JobId(1)));
     // The request, the open `want`, the mark.
-    link.answer(Micros(40), 7, Err(Failure::Denied), &mut out).unwrap();
+    link.answer(Micros(40), RequestId(7), Err(Failure::Denied), &mut out).unwrap();
     out.has_data = true;
     next.once(
         "received",
         &[
             Action::Release,
-            Action::Deliver { delivery: 4, bytes: b"new" },
-            Action::DeliveryEnd { delivery: 4, failure: None, status: 0 },
+            Action::Deliver { delivery: DeliveryId(4), bytes: b"new" },
+            Action::DeliveryEnd { delivery: DeliveryId(4), failure: None, status: 0 },
             // Exactly the room that it was told.
-            Action::Transmit { mark: 0, bytes: &[b'x'; 11] },
+            Action::Transmit { mark: MarkId(0), bytes: &[b'x'; 11] },
         ],
     );
     link.received(Micros(50), b"Q", &mut out).unwrap();
@@ -136,7 +139,7 @@ fn swap_link_keeps() {
     assert_eq!(link.take(&mut buffer), softplug_link::Taken::Bytes(5));
     assert_eq!(&buffer, b"BCDEF");
     link.left(6, 6);
-    next.once("mark 1 surely-left", &[Action::JobDone { job: 1, sent: 6 }]);
+    next.once("mark 1 surely-left", &[Action::JobDone { job: JobId(1), sent: 6 }]);
     link.run(Micros(60), &mut out).unwrap();
     let told = told(&next);
     let wanted = [
@@ -151,7 +154,7 @@ fn swap_link_keeps() {
     assert_eq!(out.recorder.deliveries()[0].bytes, b"oldnew");
     assert_eq!(
         out.recorder.observed.last().unwrap(),
-        &(Micros(60), Observed::Done { job: 1, sent: 6 })
+        &(Micros(60), Observed::Done { job: JobId(1), sent: 6 })
     );
 }
 
@@ -189,30 +192,33 @@ fn story(saves: bool) -> (Vec<Seen>, Vec<(i64, String)>) {
     rig.out.drain_by_hand = true;
     rig.script.on_more("save", &[saved(0, 4, b"AB")]);
     rig.script.on("continue", &[saved(2, 4, b"CD")]);
-    rig.script.on("job-begin", &[Action::Want { job: 1, bytes: 2 }]);
-    rig.script.on("timer 1", &[Action::Release, Action::Want { job: 1, bytes: 3 }]);
+    rig.script.on("job-begin", &[Action::Want { job: JobId(1), bytes: 2 }]);
+    rig.script.on("timer 1", &[Action::Release, Action::Want { job: JobId(1), bytes: 3 }]);
     rig.begin(0, 1, b"abcdef", false);
     rig.does(
         100,
         &[
-            Action::Transmit { mark: 1, bytes: b"ABCDE" },
-            Action::Transmit { mark: 2, bytes: b"FG" },
-            Action::DeliveryBegin { delivery: 1, job: 0 },
-            Action::Deliver { delivery: 1, bytes: b"1234" },
+            Action::Transmit { mark: MarkId(1), bytes: b"ABCDE" },
+            Action::Transmit { mark: MarkId(2), bytes: b"FG" },
+            Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) },
+            Action::Deliver { delivery: DeliveryId(1), bytes: b"1234" },
             Action::SetTimer { id: 1, deadline: Micros(3_000) },
-            Action::Request { request: 1, kind: 0, fields: Values::new(b"") },
+            Action::Request { request: RequestId(1), kind: 0, fields: Values::new(b"") },
         ],
     );
     for at in (200..12_000).step_by(100) {
         rig.until(at);
         match at {
-            1_200 => rig.does(at, &[Action::Hold, Action::TransmitUrgent { mark: 3, bytes: b"U" }]),
+            1_200 => rig
+                .does(at, &[Action::Hold, Action::TransmitUrgent { mark: MarkId(3), bytes: b"U" }]),
             2_000 => {
                 rig.out.drain(3);
                 rig.tick(at);
             }
             5_000 => rig.does(at, &[Action::Discard]),
-            6_000 => rig.host(at, |link, out| link.answer(Micros(at), 1, Ok(b"yes"), out)),
+            6_000 => {
+                rig.host(at, |link, out| link.answer(Micros(at), RequestId(1), Ok(b"yes"), out))
+            }
             _ => {}
         }
         if saves {
@@ -220,7 +226,7 @@ fn story(saves: bool) -> (Vec<Seen>, Vec<(i64, String)>) {
             assert_eq!(state.bytes, b"ABCD");
         }
     }
-    rig.does(12_000, &[Action::DeliveryEnd { delivery: 1, failure: None, status: 0 }]);
+    rig.does(12_000, &[Action::DeliveryEnd { delivery: DeliveryId(1), failure: None, status: 0 }]);
     let mut given = rig.given();
     given.retain(|(_, event)| event != "save" && event != "continue");
     (rig.out.observed, given)

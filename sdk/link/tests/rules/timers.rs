@@ -2,7 +2,7 @@
 
 use crate::common::{Rig, Script, rooms};
 use crate::{assert_events, assert_given};
-use softplug_abi::{Action, LinkDownReason, Micros};
+use softplug_abi::{Action, JobId, LinkDownReason, Micros};
 use softplug_link::{LinkFault, RuleBroken};
 
 fn set(id: u8, deadline: i64) -> Action<'static> {
@@ -82,8 +82,8 @@ fn timers_step_limit() {
     chain(&rig, 900);
     rig.begin(100, 1, &[b'x'; 1_500], false);
     assert_eq!(rig.events().len(), 999 + 1 + 900);
-    rig.script.on("job-data", &[Action::Want { job: 1, bytes: 1 }]);
-    rig.does(100, &[Action::Want { job: 1, bytes: 1 }]);
+    rig.script.on("job-data", &[Action::Want { job: JobId(1), bytes: 1 }]);
+    rig.does(100, &[Action::Want { job: JobId(1), bytes: 1 }]);
     assert_eq!(rig.events().len(), 1_500 + 1);
 
     // Rounds of `continue` do not count.

@@ -2,15 +2,15 @@
 
 use crate::assert_given;
 use crate::common::{Rig, rooms};
-use softplug_abi::Action;
+use softplug_abi::{Action, MarkId};
 use softplug_link::Observed;
 
 fn transmit(bytes: &[u8]) -> Action<'_> {
-    Action::Transmit { mark: 0, bytes }
+    Action::Transmit { mark: MarkId(0), bytes }
 }
 
 fn urgent(bytes: &[u8]) -> Action<'_> {
-    Action::TransmitUrgent { mark: 0, bytes }
+    Action::TransmitUrgent { mark: MarkId(0), bytes }
 }
 
 #[test]
@@ -77,10 +77,10 @@ fn discard_answer() {
     rig.does(
         0,
         &[
-            Action::Transmit { mark: 1, bytes: b"A" },
-            Action::Transmit { mark: 2, bytes: b"BC" },
+            Action::Transmit { mark: MarkId(1), bytes: b"A" },
+            Action::Transmit { mark: MarkId(2), bytes: b"BC" },
             transmit(b"D"),
-            Action::Transmit { mark: 3, bytes: b"E" },
+            Action::Transmit { mark: MarkId(3), bytes: b"E" },
             transmit(b"F"),
         ],
     );

@@ -16,8 +16,9 @@ mod frame;
 use frame::{ACK, DLE, ENQ, Frame, Heard, MOST, NAK, Reader};
 use softplug_plugin::parts::{Answers, BlockSender, StateName, TimerName, Timers};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, State, Unread, choice, manifest, parts, settings, state_format, timers,
+    Context, Converter, DeliveryId, Failure, JobId, JobStart, LineErrorKind, LinkDownReason,
+    MarkId, MarkState, Micros, NoteLevel, State, Unread, choice, manifest, parts, settings,
+    state_format, timers,
 };
 
 /// The least bytes of a message: DST, SRC, CMD, STS and TNS.
@@ -78,7 +79,7 @@ pub struct Df1 {
     /// SRC, CMD and TNS of the message that was delivered last, if there was one.
     taken: [u8; 4],
     has_taken: bool,
-    delivery: u32,
+    delivery: DeliveryId,
     #[state(skip)]
     name: StateName,
     #[state(skip)]
@@ -112,7 +113,7 @@ impl Converter for Df1 {
             last: NAK,
             taken: [0; 4],
             has_taken: false,
-            delivery: 0,
+            delivery: DeliveryId(0),
             name: StateName::new(),
             unread: Unread::new(),
         }
@@ -166,7 +167,7 @@ impl Converter for Df1 {
         }
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         let has_left = state == MarkState::SurelyLeft && self.sender.is_latest(mark);
         if has_left && self.stage == Stage::Answer && self.sender.is_active() {
             self.timers.set_after(link, Timer::Answer, self.settings.ack_time);
@@ -180,9 +181,9 @@ impl Converter for Df1 {
         }
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         // 0 is the delivery under way; here each begins and ends in one event.
-        if job != 0 {
+        if job != JobId(0) {
             self.timers.cancel(link, Timer::Answer);
             self.sender.cut(link, Failure::Aborted);
         }
@@ -283,8 +284,8 @@ impl Df1 {
         self.last = if is_good && (is_again || has_room) { ACK } else { NAK };
         if self.last == ACK && !is_again {
             (self.taken, self.has_taken) = (head, true);
-            self.delivery = self.delivery.wrapping_add(1).max(1);
-            link.delivery_begin(self.delivery, 0);
+            self.delivery = self.delivery.next();
+            link.delivery_begin(self.delivery, JobId(0));
             link.deliver(self.delivery, text);
             link.delivery_end(self.delivery, None, 0);
         }

@@ -34,7 +34,7 @@ pub use name::StateName;
 pub use sender::{BlockSender, OWN_MARKS};
 pub use timers::{TimerName, Timers};
 
-use crate::{Context, MarkState};
+use crate::{Context, MarkId, MarkState};
 use softplug_abi::wire::copy;
 
 /// Inside of `impl Converter`: these parts hear of [events](PartEvent) before the converter's own methods, in
@@ -121,7 +121,7 @@ pub enum PartEvent<'a> {
     /// A marked byte has left, or was dropped.
     Mark {
         /// Which.
-        mark: u32,
+        mark: MarkId,
         /// What became of it.
         state: MarkState,
     },

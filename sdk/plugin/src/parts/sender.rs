@@ -1,7 +1,7 @@
 //! A job that goes in blocks.
 
 use super::{Block, Part, PartEvent};
-use crate::{Context, Failure, MarkState, State};
+use crate::{Context, Failure, JobId, MarkId, MarkState, State};
 
 /// Marks from here on are free for other uses: a sender counts below.
 pub const OWN_MARKS: u32 = 0x8000_0000;
@@ -107,7 +107,7 @@ const UNSETTLED: u8 = 32;
 #[derive(Copy, Clone, Debug, State)]
 pub struct BlockSender<const DATA: usize> {
     /// Id of the job; 0: none.
-    job: u32,
+    job: JobId,
     /// Why the job fails, once it is known how much of it has left.
     stopping: Option<Failure>,
     /// What the link has still leaves before it does.
@@ -123,7 +123,7 @@ pub struct BlockSender<const DATA: usize> {
     given: u16,
     repeats: u32,
     /// The mark of what was given last; whether it can have left.
-    mark: u32,
+    mark: MarkId,
     has_left: bool,
     /// Bytes given for the job.
     sent: u64,
@@ -137,7 +137,7 @@ impl<const DATA: usize> BlockSender<DATA> {
     #[allow(clippy::new_without_default, reason = "it is below, and this is const")]
     pub const fn new() -> Self {
         Self {
-            job: 0,
+            job: JobId(0),
             stopping: None,
             is_cut: false,
             is_paused: false,
@@ -147,7 +147,7 @@ impl<const DATA: usize> BlockSender<DATA> {
             has_ended: false,
             given: 0,
             repeats: 0,
-            mark: 0,
+            mark: MarkId(0),
             has_left: false,
             sent: 0,
             ahead: 0,
@@ -156,8 +156,8 @@ impl<const DATA: usize> BlockSender<DATA> {
     }
 
     /// Takes a job. While there is another one it fails as busy, and this is `false`.
-    pub fn begin(&mut self, link: &mut Context<'_>, job: u32) -> bool {
-        let is_free = self.job == 0;
+    pub fn begin(&mut self, link: &mut Context<'_>, job: JobId) -> bool {
+        let is_free = self.job == JobId(0);
         if is_free {
             self.forget();
             self.job = job;
@@ -168,13 +168,13 @@ impl<const DATA: usize> BlockSender<DATA> {
     }
 
     /// The job's id; 0: there is none.
-    pub fn job(&self) -> u32 {
+    pub fn job(&self) -> JobId {
         self.job
     }
 
     /// Whether there is a job, and it has not failed.
     pub fn is_active(&self) -> bool {
-        self.job != 0 && self.stopping.is_none()
+        self.job != JobId(0) && self.stopping.is_none()
     }
 
     /// Why the job fails, as soon as it is known how much of it has left.
@@ -291,8 +291,7 @@ impl<const DATA: usize> BlockSender<DATA> {
     }
 
     fn next_mark(&mut self) {
-        self.mark = (self.mark + 1) % OWN_MARKS;
-        self.mark = self.mark.max(1);
+        self.mark = MarkId(((self.mark.0 + 1) % OWN_MARKS).max(1));
         self.has_left = false;
         // A restored state may say anything.
         self.ahead = self.ahead.wrapping_add(1);
@@ -305,7 +304,7 @@ impl<const DATA: usize> BlockSender<DATA> {
     }
 
     /// Whether a mark is that of the latest block.
-    pub fn is_latest(&self, mark: u32) -> bool {
+    pub fn is_latest(&self, mark: MarkId) -> bool {
         mark == self.mark
     }
 
@@ -383,7 +382,7 @@ impl<const DATA: usize> BlockSender<DATA> {
 
     /// The job fails at once, if there is one.
     pub fn fail(&mut self, link: &mut Context<'_>, failure: Failure) {
-        if self.job != 0 {
+        if self.job != JobId(0) {
             link.job_failed(self.job, failure, 0, self.sent);
             self.forget();
         }
@@ -401,7 +400,7 @@ impl<const DATA: usize> BlockSender<DATA> {
         *self = Self { is_down, mark, ahead, unsettled, ..Self::new() };
     }
 
-    fn hear_mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn hear_mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         match state {
             MarkState::MaybeLeft => {
                 self.ahead = self.ahead.saturating_sub(1);
@@ -432,7 +431,7 @@ impl<const DATA: usize> Part for BlockSender<DATA> {
     #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn hear(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
         match *event {
-            PartEvent::Mark { mark, state } if mark < OWN_MARKS => {
+            PartEvent::Mark { mark, state } if mark < MarkId(OWN_MARKS) => {
                 self.hear_mark(link, mark, state);
             }
             PartEvent::Discarded { bytes } => {

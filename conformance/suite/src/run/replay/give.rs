@@ -5,7 +5,7 @@ use super::numbers::request_of_link;
 use crate::given::timeline::{Asked, Input};
 use crate::run::fault::Fault;
 use crate::run::subject::Subject;
-use softplug_abi::{Micros, ModemLines};
+use softplug_abi::{JobId, Micros, ModemLines, RequestId};
 use softplug_link::{Job, VirtualLine};
 use softplug_trace::Drain;
 
@@ -44,13 +44,13 @@ impl<S: Subject> Run<'_, S> {
         let Self { line: VirtualLine { link, .. }, recorder, .. } = self;
         let stepped = match asked {
             Asked::Job(job, data) => {
-                let job = Job { id: of_link(job.id), ..job.clone() };
+                let job = Job { id: JobId(of_link(job.id.0)), ..job.clone() };
                 recorder.add_source(job.id, data.clone());
                 link.begin_job(now, job, recorder)
             }
-            Asked::Pause(job) => link.pause(now, of_link(*job), recorder),
-            Asked::Resume(job) => link.resume(now, of_link(*job), recorder),
-            Asked::Abort(job) => link.abort(now, of_link(*job), recorder),
+            Asked::Pause(job) => link.pause(now, JobId(of_link(*job)), recorder),
+            Asked::Resume(job) => link.resume(now, JobId(of_link(*job)), recorder),
+            Asked::Abort(job) => link.abort(now, JobId(of_link(*job)), recorder),
             Asked::ForceResume => link.force_resume(now, recorder),
             Asked::Room(bytes) => {
                 recorder.drain(*bytes);
@@ -73,7 +73,7 @@ impl<S: Subject> Run<'_, S> {
                     0 => *request,
                     _ => request_of_link(&recorder.observed[self.first..], *request),
                 };
-                link.answer(now, request, answer, recorder)
+                link.answer(now, RequestId(request), answer, recorder)
             }
             Asked::Swap => return self.swap(now),
             Asked::Close => return self.close(now),

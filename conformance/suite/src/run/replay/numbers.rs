@@ -50,7 +50,7 @@ pub(super) fn request_of_link(observed: &[(Micros, Observed)], asked: u32) -> u3
     let mut requests = Vec::new();
     for (_, observed) in observed {
         if let Observed::Request { request, .. } = observed {
-            number(&mut requests, *request);
+            number(&mut requests, request.0);
         }
     }
     requests.get((asked as usize).saturating_sub(1)).copied().unwrap_or(u32::MAX)

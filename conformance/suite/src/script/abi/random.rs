@@ -6,7 +6,9 @@ use crate::run::replay::Conditions;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_abi::manifest::{Kind, Manifest, ValueType};
-use softplug_abi::{Failure, LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines};
+use softplug_abi::{
+    Failure, JobId, LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines,
+};
 use softplug_link::{Job, LinkOptions};
 
 /// What is drawn.
@@ -229,7 +231,7 @@ impl Draw {
         let data: Vec<u8> = (0..length).map(|_| self.byte()).collect();
         let size = (self.below(2) == 0).then_some(data.len() as u64);
         let check = manifest.needs.check_pass;
-        let job = Job { id: self.jobs, kind: kind as u16, size, fields, check };
+        let job = Job { id: JobId(self.jobs), kind: kind as u16, size, fields, check };
         Some(Asked::Job(job, data))
     }
 

@@ -5,7 +5,7 @@ use super::{HEADER, LARGEST_DATA, SHORT_HEADER};
 use crate::cause::*;
 use crate::job::Stage;
 use crate::machine::{Machine, NEVER, after};
-use softplug_plugin::{Context, Failure, JobStart, copy};
+use softplug_plugin::{Context, DeliveryId, Failure, JobId, JobStart, copy};
 
 /// Place of `read` in the manifest's list of jobs.
 const READ: u16 = 2;
@@ -31,7 +31,7 @@ impl Machine {
             }
             None => {
                 // One byte more shows that it is longer than one telegram.
-                link.want(self.job.id, u32::from(LARGEST_DATA) + 1);
+                link.want(JobId(self.job.id.0), u32::from(LARGEST_DATA) + 1);
             }
         }
         Ok(())
@@ -51,7 +51,7 @@ impl Machine {
     }
 
     fn want_piece(&mut self, link: &mut Context<'_>) {
-        link.want(self.job.id, self.piece());
+        link.want(JobId(self.job.id.0), self.piece());
     }
 
     /// Data bytes of the telegram under way.
@@ -130,12 +130,12 @@ impl Machine {
             return Err(WRONG_REACTION);
         }
         if expected > 0 {
-            if self.rk512.reading == 0 {
-                self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
+            if self.rk512.reading == DeliveryId(0) {
+                self.last_delivery = self.last_delivery.next();
                 self.rk512.reading = self.last_delivery;
-                link.delivery_begin(self.rk512.reading, self.job.id);
+                link.delivery_begin(DeliveryId(self.rk512.reading.0), JobId(self.job.id.0));
             }
-            link.deliver(self.rk512.reading, data);
+            link.deliver(DeliveryId(self.rk512.reading.0), data);
         }
         self.rk512.to_do -= piece;
         if self.rk512.to_do == 0 {
@@ -158,10 +158,10 @@ impl Machine {
     /// Ends the delivery of what is read, if there is one.
     pub(crate) fn end_reading(&mut self, link: &mut Context<'_>, cause: Option<Cause>) {
         self.rk512.reaction_until = NEVER;
-        if self.rk512.reading != 0 {
+        if self.rk512.reading != DeliveryId(0) {
             let status = cause.map_or(0, Cause::status);
-            link.delivery_end(self.rk512.reading, cause.map(Cause::failure), status);
-            self.rk512.reading = 0;
+            link.delivery_end(DeliveryId(self.rk512.reading.0), cause.map(Cause::failure), status);
+            self.rk512.reading = DeliveryId(0);
         }
     }
 }

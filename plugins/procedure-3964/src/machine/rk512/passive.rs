@@ -9,7 +9,7 @@ use super::header::{
 use super::{HEADER, LARGEST_DATA, Rk512, SHORT_HEADER, Turn};
 use crate::frame::holds_end;
 use crate::machine::{Machine, NEVER, after};
-use softplug_plugin::{Context, Failure, Values};
+use softplug_plugin::{Context, Failure, RequestId, Values};
 
 // Errors in a reaction.
 const ACCESS: u8 = 0x0A;
@@ -53,11 +53,11 @@ impl Machine {
     pub(crate) fn answer(
         &mut self,
         link: &mut Context<'_>,
-        request: u32,
+        request: RequestId,
         answer: Result<&[u8], Failure>,
         more: bool,
     ) {
-        if request == self.rk512.last_request && self.rk512.answer_until != NEVER {
+        if request == RequestId(self.rk512.last_request.0) && self.rk512.answer_until != NEVER {
             self.rk512.answered(link, answer, more, self.options.doubling);
         }
         self.begin_block(link);
@@ -112,7 +112,7 @@ impl Rk512 {
 
     /// Asks the host.
     fn ask(&mut self, link: &mut Context<'_>, data: &[u8]) {
-        self.last_request = self.last_request.wrapping_add(1).max(1);
+        self.last_request = self.last_request.next();
         // A granted answer is gathered behind the head of the reaction.
         self.react(self.is_next, 0);
         self.reaction_ready = false;
@@ -132,7 +132,7 @@ impl Rk512 {
             fields::put(&mut fields, DATA, BYTES, data);
         }
         let kind = u16::from(header.is_read());
-        link.request(self.last_request, kind, Values::new(fields.as_slice()));
+        link.request(RequestId(self.last_request.0), kind, Values::new(fields.as_slice()));
     }
 
     fn answered(
@@ -162,7 +162,7 @@ impl Rk512 {
         };
         if more {
             // The rest of an answer that is too long is not for us.
-            link.withdraw(self.last_request);
+            link.withdraw(RequestId(self.last_request.0));
         }
         self.answer_until = NEVER;
         if error == 0 {

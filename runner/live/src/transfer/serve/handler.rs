@@ -1,6 +1,6 @@
 //! What a serving station asks of whoever runs it, and what it tells.
 
-use softplug_abi::Failure;
+use softplug_abi::{Failure, RequestId};
 use std::fmt;
 use std::io;
 use std::time::Duration;
@@ -38,7 +38,7 @@ pub struct Delivered {
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Request {
     /// The plug-in's number for it.
-    pub id: u32,
+    pub id: RequestId,
     /// Place of its kind in the manifest.
     pub kind: u16,
     /// Its fields as value records.

@@ -1,6 +1,6 @@
 //! The host's side of the link while a station serves.
 
-use softplug_abi::{Action, Failure, Instance, Micros};
+use softplug_abi::{Action, Failure, Instance, JobId, Micros, RequestId};
 use softplug_link::{Job, LinkHost, Supply};
 use std::collections::VecDeque;
 use std::io;
@@ -13,7 +13,7 @@ use crate::transfer::{PATIENCE, SendOutcome, TransferError, duration, note};
 
 /// A program under way.
 struct ActiveJob {
-    id: u32,
+    id: JobId,
     program: Program,
     begun_at: Micros,
     /// Bytes that the port had taken when it began.
@@ -46,7 +46,7 @@ pub(super) struct ServeHost<'d, D> {
     job_end: Option<(SendOutcome, u64)>,
     /// What is sent when the job that it supersedes has ended.
     next: Option<Program>,
-    next_id: u32,
+    next_id: JobId,
     moved_at: Micros,
     drained: u32,
     error: Option<io::Error>,
@@ -67,7 +67,7 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
             job: None,
             job_end: None,
             next: None,
-            next_id: 1,
+            next_id: JobId(1),
             moved_at: Micros::ZERO,
             drained: 0,
             error: None,
@@ -135,7 +135,7 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
                 // take the half for the whole.
                 job.is_aborted = true;
                 let id = job.id;
-                station.abort(id, self)?;
+                station.abort(JobId(id.0), self)?;
                 continue;
             }
             if self.job.is_none()
@@ -167,16 +167,18 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
         self.refused += u64::from(refused.is_some());
         self.handler.tell(&News::Answered { request, refused });
         match reply {
-            Reply::Refused(failure) => station.answer(request.id, Err(failure), self)?,
-            Reply::Data(bytes) => station.answer(request.id, Ok(&bytes), self)?,
+            Reply::Refused(failure) => {
+                station.answer(RequestId(request.id.0), Err(failure), self)?
+            }
+            Reply::Data(bytes) => station.answer(RequestId(request.id.0), Ok(&bytes), self)?,
             Reply::Program(program) => {
-                station.answer(request.id, Ok(&[]), self)?;
+                station.answer(RequestId(request.id.0), Ok(&[]), self)?;
                 self.next = Some(program);
                 if let Some(job) = &mut self.job {
                     job.is_superseded = true;
                     job.is_aborted = true;
                     let id = job.id;
-                    station.abort(id, self)?;
+                    station.abort(JobId(id.0), self)?;
                 }
             }
         }
@@ -195,7 +197,7 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
         station: &mut Station<I>,
     ) -> Result<(), TransferError<I::Fault>> {
         let id = self.next_id;
-        self.next_id += 1;
+        self.next_id = id.next();
         self.handler.tell(&News::JobBegins { name: &program.name, size: program.size });
         let job = Job {
             id,
@@ -246,10 +248,10 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
         self.requests.clear();
         if let Some(job) = &self.job {
             let id = job.id;
-            station.abort(id, self)?;
+            station.abort(JobId(id.0), self)?;
         }
         if self.delivery.is_some() {
-            station.abort(0, self)?;
+            station.abort(JobId(0), self)?;
         }
         station.close(PATIENCE, self)?;
         self.conclude(station.now());
@@ -353,14 +355,14 @@ impl<D: ServeHandler> LinkHost for ServeHost<'_, D> {
         }
     }
 
-    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         let Some(active) = self.job.as_mut().filter(|active| active.id == job) else {
             return Supply::End;
         };
         active.program.source.supply(buffer)
     }
 
-    fn rewind(&mut self, job: u32) {
+    fn rewind(&mut self, job: JobId) {
         if let Some(active) = self.job.as_mut().filter(|active| active.id == job) {
             active.program.source.rewind();
         }

@@ -1,5 +1,6 @@
 //! Programs that other programs load: each becomes a job that waits for its start.
 
+use softplug_abi::JobId;
 use std::sync::Arc;
 
 use softplug_cell::{ChannelId, End, Event, Stop};
@@ -10,7 +11,7 @@ use crate::jobs::{Data, JobSpec, Note, Start, Subject, Weight};
 
 impl Control {
     /// The job of a program that was loaded there and is not started.
-    pub(super) fn loaded_job(&self, link: &str) -> Option<u32> {
+    pub(super) fn loaded_job(&self, link: &str) -> Option<JobId> {
         let live = self.shared.parts.jobs.live();
         let mut loaded = live.iter().filter(|job| {
             job.spec.link == link && job.spec.start == Some(Start::Awaited) && !job.has_begun()

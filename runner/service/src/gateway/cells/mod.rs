@@ -13,6 +13,7 @@ mod show;
 
 use notes::notes;
 pub(crate) use program::ChannelOf;
+use softplug_abi::JobId;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
@@ -57,7 +58,7 @@ pub(super) struct CellState {
 /// The job of a channel.
 #[derive(Clone, Debug)]
 struct ChannelJob {
-    id: u32,
+    id: JobId,
     stops: Arc<[Stop]>,
     /// Stops at which it has arrived.
     reached: usize,
@@ -69,7 +70,7 @@ struct ChannelJob {
 #[derive(Serialize, Deserialize)]
 struct SavedCell {
     cell: Saved,
-    jobs: Vec<Option<u32>>,
+    jobs: Vec<Option<JobId>>,
 }
 
 /// Why a step was not taken.
@@ -142,7 +143,7 @@ impl Control {
             (true, true) => Some(Event::Paused { channel, is: false }),
             (true, false) => None,
         };
-        match self.step(&name, event, Some(job.id)) {
+        match self.step(&name, event, Some(job.id.0)) {
             Ok(()) => Some(self.shared.parts.jobs.reader().job(job.id)),
             Err(not_taken) => {
                 let state = self.cells.by_name.get_mut(&name)?;
@@ -156,7 +157,7 @@ impl Control {
     }
 
     /// The byte of a job behind which nothing is given yet.
-    pub(super) fn gate(&self, link: &str, job: u32) -> Option<u64> {
+    pub(super) fn gate(&self, link: &str, job: JobId) -> Option<u64> {
         let (name, channel) = self.cells.of_link.get(link)?;
         let job_of = self.cells.by_name.get(name)?.jobs[usize::from(channel.0)].as_ref();
         let of_channel = job_of.filter(|of| of.id == job)?;
@@ -164,7 +165,7 @@ impl Control {
     }
 
     /// All before a job's gate has left: its word is said now.
-    pub(super) fn at_gate(&mut self, job: u32, gate: u64) {
+    pub(super) fn at_gate(&mut self, job: JobId, gate: u64) {
         let found = self.cells.by_name.iter_mut().find_map(|(name, state)| {
             let mut jobs = (0..).zip(&mut state.jobs);
             let (at, of) =
@@ -368,13 +369,13 @@ impl Control {
             (was != holds && !is_paused).then_some(lane)
         });
         if let Some(lane) = held.filter(|_| holds) {
-            self.drivers.tell(lane, Command::Pause(id));
+            self.drivers.tell(lane, Command::Pause(id.0));
         }
         if is_behind && !holds {
             self.feeder.move_gate(id, gate);
         }
         if let Some(lane) = held.filter(|_| !holds) {
-            self.drivers.tell(lane, Command::Resume(id));
+            self.drivers.tell(lane, Command::Resume(id.0));
         }
     }
 

@@ -1,5 +1,6 @@
 //! Cells as the configuration names them, and as the last gateway left them.
 
+use softplug_abi::JobId;
 use std::collections::VecDeque;
 
 use softplug_cell::{AfterCrash, Cell, ChannelSet, Chart, End, Event};
@@ -89,7 +90,7 @@ impl Control {
     }
 
     /// A cell as it was before the gateway was ended, if it was; with the jobs of its channels.
-    fn bring_back(&mut self, config: &CellConfig) -> Option<Vec<Option<u32>>> {
+    fn bring_back(&mut self, config: &CellConfig) -> Option<Vec<Option<JobId>>> {
         let read = self.shared.parts.jobs.reader().cell(&config.name);
         let Some(saved) = self.wrote(read).flatten() else {
             self.add_cell(config, Cell::new(config.setup.clone()));
@@ -118,7 +119,7 @@ impl Control {
         self.add_cell(config, Cell::stopped(config.setup.clone()));
     }
 
-    fn after_crash(&mut self, config: &CellConfig, jobs: &[Option<u32>]) {
+    fn after_crash(&mut self, config: &CellConfig, jobs: &[Option<JobId>]) {
         let (name, setup) = (&config.name, &config.setup);
         let policy = config.after_crash;
         let (mut cut_off, mut resumed) = (ChannelSet::default(), Vec::new());
@@ -129,7 +130,7 @@ impl Control {
             }
             let waits = state.cell.waits(channel);
             let is_paused = state.cell.channel(channel).is_paused;
-            let job = id.and_then(|id| self.shared.parts.jobs.reader().job(id).ok());
+            let job = id.and_then(|id| self.shared.parts.jobs.reader().job(JobId(id.0)).ok());
             match job {
                 // Its end was written down, and not what came of it.
                 Some(job) if job.state == JobState::Done => {

@@ -66,7 +66,7 @@ fn channel(state: &CellState, channel: ChannelId, waits_for: Vec<String>) -> Cel
         text: now.as_ref().map(|now| now.text.clone()).unwrap_or_default(),
         since_ms: now.map_or(0, |now| now.from_ms),
         program: view.program.map(ToOwned::to_owned),
-        job: job.map(|job| job.id),
+        job: job.map(|job| job.id.0),
         loaded: view.loaded.map(ToOwned::to_owned),
         waits_for,
         words_passed: job.map_or(0, |job| job.passed as u32),

@@ -1,5 +1,6 @@
 //! Jobs: the queue, and feeding one from the request itself.
 
+use softplug_abi::JobId;
 use std::collections::BTreeMap;
 
 use axum::Json;
@@ -137,7 +138,7 @@ pub(super) async fn list(
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
 pub(super) async fn show(State(app): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
-    app.ask(move |gateway| gateway.job(id)).await.map(Json)
+    app.ask(move |gateway| gateway.job(JobId(id))).await.map(Json)
 }
 
 /// Pause a job
@@ -146,7 +147,7 @@ pub(super) async fn show(State(app): At, Segments(id): Segments<u32>) -> Answer<
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
 pub(super) async fn pause(State(app): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
-    app.ask(move |gateway| gateway.pause(id)).await.map(Json)
+    app.ask(move |gateway| gateway.pause(JobId(id))).await.map(Json)
 }
 
 /// End a job's pause
@@ -155,7 +156,7 @@ pub(super) async fn pause(State(app): At, Segments(id): Segments<u32>) -> Answer
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
 pub(super) async fn resume(State(app): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
-    app.ask(move |gateway| gateway.resume(id)).await.map(Json)
+    app.ask(move |gateway| gateway.resume(JobId(id))).await.map(Json)
 }
 
 /// Abort a job, or take it out of the queue
@@ -164,7 +165,7 @@ pub(super) async fn resume(State(app): At, Segments(id): Segments<u32>) -> Answe
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
 pub(super) async fn abort(State(app): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
-    app.ask(move |gateway| gateway.abort(id)).await.map(Json)
+    app.ask(move |gateway| gateway.abort(JobId(id))).await.map(Json)
 }
 
 /// Where a job that has ended begins again.
@@ -187,7 +188,7 @@ pub(super) async fn restart(
     Segments(id): Segments<u32>,
     Document(order): Document<RestartOrder>,
 ) -> Answer<(StatusCode, Json<JobView>)> {
-    let job = app.ask(move |gateway| gateway.restart(id, order.from_block)).await?;
+    let job = app.ask(move |gateway| gateway.restart(JobId(id), order.from_block)).await?;
     Ok((StatusCode::CREATED, Json(job)))
 }
 
@@ -202,7 +203,7 @@ pub(super) async fn acknowledge(
     State(app): At,
     Segments(id): Segments<u32>,
 ) -> Answer<Json<JobView>> {
-    app.ask(move |gateway| gateway.acknowledge(id)).await.map(Json)
+    app.ask(move |gateway| gateway.acknowledge(JobId(id))).await.map(Json)
 }
 
 /// Another priority for a job that waits.
@@ -224,5 +225,5 @@ pub(super) async fn prioritise(
     Segments(id): Segments<u32>,
     Document(order): Document<PriorityOrder>,
 ) -> Answer<Json<JobView>> {
-    app.ask(move |gateway| gateway.prioritise(id, order.priority)).await.map(Json)
+    app.ask(move |gateway| gateway.prioritise(JobId(id), order.priority)).await.map(Json)
 }

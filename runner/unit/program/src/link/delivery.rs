@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use softplug_abi::Failure;
+use softplug_abi::{DeliveryId, Failure};
 use softplug_live::reservoir::{Drawn, ReservoirReader};
 use softplug_unit_protocol::ToServer;
 
@@ -20,7 +20,7 @@ pub(super) struct Deliveries {
 
 struct Delivery {
     /// The plug-in's number for it; while it is open.
-    of_lane: u32,
+    of_lane: DeliveryId,
     number: u32,
     job: u64,
     name: String,
@@ -52,7 +52,7 @@ impl Deliveries {
         Self { link, waiting: VecDeque::new(), next: 1 }
     }
 
-    pub(super) fn begun(&mut self, of_lane: u32, job: u64, from: ReservoirReader) {
+    pub(super) fn begun(&mut self, of_lane: DeliveryId, job: u64, from: ReservoirReader) {
         let number = self.next;
         self.next += 1;
         self.waiting.push_back(Delivery {
@@ -72,18 +72,24 @@ impl Deliveries {
     }
 
     /// The one that is open on the lane with this number.
-    fn open(&mut self, of_lane: u32) -> Option<&mut Delivery> {
+    fn open(&mut self, of_lane: DeliveryId) -> Option<&mut Delivery> {
         self.waiting.iter_mut().rev().find(|one| one.of_lane == of_lane && one.end.is_none())
     }
 
-    pub(super) fn named(&mut self, of_lane: u32, name: String) {
+    pub(super) fn named(&mut self, of_lane: DeliveryId, name: String) {
         if let Some(delivery) = self.open(of_lane) {
             delivery.name = name;
             delivery.is_announced = false;
         }
     }
 
-    pub(super) fn ended(&mut self, of_lane: u32, failure: Option<Failure>, status: u16, size: u64) {
+    pub(super) fn ended(
+        &mut self,
+        of_lane: DeliveryId,
+        failure: Option<Failure>,
+        status: u16,
+        size: u64,
+    ) {
         if let Some(delivery) = self.open(of_lane) {
             delivery.end = Some(End { failure, status, size: Some(size) });
         }

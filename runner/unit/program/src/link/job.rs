@@ -1,6 +1,6 @@
 //! A link's job: one at a time, fed by credit, kept until its end has been noted.
 
-use softplug_abi::{Failure, Micros};
+use softplug_abi::{Failure, JobId, Micros};
 use softplug_link::Job;
 use softplug_live::reactor::{Command, Feed, JobEnd, JobOutcome, LaneFigures, LaneId};
 use softplug_live::reservoir::{ReservoirWriter, reservoir};
@@ -23,7 +23,7 @@ struct Active {
     /// The server's number.
     job: u64,
     /// The lane's.
-    of_lane: u32,
+    of_lane: JobId,
     pass: u8,
     fed: Fed,
     /// None once all has come, or the job has ended.
@@ -47,7 +47,7 @@ impl Jobs {
     }
 
     /// The server's number of the lane's job.
-    pub(super) fn number_of(&self, of_lane: u32) -> Option<u64> {
+    pub(super) fn number_of(&self, of_lane: JobId) -> Option<u64> {
         self.active.as_ref().filter(|active| active.of_lane == of_lane).map(|active| active.job)
     }
 
@@ -68,7 +68,12 @@ impl Jobs {
             ToUnit::Begin { job, kind, size, check, fields, .. } => {
                 let size = (size != u64::MAX).then_some(size);
                 let fields = fields.to_vec();
-                self.begin(job, Job { id: self.next, kind, size, fields, check }, ready, around);
+                self.begin(
+                    job,
+                    Job { id: JobId(self.next), kind, size, fields, check },
+                    ready,
+                    around,
+                );
             }
             ToUnit::Data { job, pass, at, bytes, .. } => {
                 let lane = ready.map(|(lane, _)| lane);
@@ -187,7 +192,7 @@ impl Jobs {
             let of_lane = active.of_lane;
             around.say(&ToServer::Refused { message, link, job, why: short(&why) });
             if let Some(lane) = lane {
-                around.reactor.tell(lane, Command::Abort(of_lane));
+                around.reactor.tell(lane, Command::Abort(of_lane.0));
             }
         }
     }
@@ -202,14 +207,14 @@ impl Jobs {
         if let Some(active) = self.under_way(job)
             && let Some((lane, _)) = ready
         {
-            around.reactor.tell(lane, command(active.of_lane));
+            around.reactor.tell(lane, command(active.of_lane.0));
         }
     }
 
     /// The check was good: the data comes once more.
     pub(super) fn rewind(
         &mut self,
-        of_lane: u32,
+        of_lane: JobId,
         lane: Option<LaneId>,
         around: &mut Surroundings<'_>,
     ) {
@@ -221,7 +226,7 @@ impl Jobs {
         (active.pass, active.fed, active.writer) = (1, Fed::default(), Some(writer));
         around.say(&ToServer::Rewind { link, job: active.job });
         if let Some(lane) = lane {
-            around.reactor.tell(lane, Command::Refill { job: of_lane, source });
+            around.reactor.tell(lane, Command::Refill { job: JobId(of_lane.0), source });
         }
         self.give(true, around);
     }
@@ -252,10 +257,10 @@ impl Jobs {
         let outcome = JobOutcome::Failed { failure: Failure::Interrupted, status: 0 };
         // What the lane drew may have left, however little of it was shown.
         let drawn = active.writer.as_ref().map_or(active.fed.received(), ReservoirWriter::consumed);
-        let shown = figures.filter(|figures| figures.job == active.of_lane);
+        let shown = figures.filter(|figures| figures.job == active.of_lane.0);
         active.end = Some(match shown {
             Some(figures) => JobEnd {
-                job: active.of_lane,
+                job: JobId(active.of_lane.0),
                 outcome,
                 taken: figures.job_taken,
                 sent: figures.job_bytes_surely_left,
@@ -265,7 +270,7 @@ impl Jobs {
                 bytes_surely_left: figures.job_bytes_surely_left,
             },
             None => JobEnd {
-                job: active.of_lane,
+                job: JobId(active.of_lane.0),
                 outcome,
                 taken: drawn,
                 sent: 0,
@@ -368,7 +373,9 @@ impl Jobs {
         let Some(active) = self.active.as_mut().filter(|active| active.end.is_none()) else {
             return;
         };
-        let Some(figures) = figures.filter(|figures| figures.job == active.of_lane) else { return };
+        let Some(figures) = figures.filter(|figures| figures.job == active.of_lane.0) else {
+            return;
+        };
         let told = (figures.is_held, figures.is_starved);
         let is_due = active.told_at.is_none_or(|at| now >= at + PROGRESS) || told != active.told;
         if !is_due || !around.is_up {

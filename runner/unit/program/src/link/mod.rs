@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
 use std::task::Waker;
 
-use softplug_abi::{Failure, Micros};
+use softplug_abi::{Failure, Micros, RequestId};
 use softplug_host::{Host, Session};
 use softplug_live::plain_text;
 use softplug_live::reactor::{Command, LaneFigures, LaneId, Probation, Reactor, Report, When};
@@ -101,7 +101,7 @@ pub(crate) struct Link {
 /// A request of the machine that is not answered.
 struct Asked {
     /// The plug-in's number for it.
-    request: u32,
+    request: RequestId,
     kind: u16,
     fields: Vec<u8>,
 }
@@ -198,7 +198,7 @@ impl Link {
             }
             ToUnit::ForceResume { .. } => self.command(Command::ForceResume, around),
             ToUnit::Answer { request, refused, is_last, bytes, .. } => {
-                self.answer(request, refused, is_last, bytes, around);
+                self.answer(RequestId(request).0, refused, is_last, bytes, around);
             }
             ToUnit::Stored { delivery, until, is_whole, .. } => {
                 self.deliveries.stored(delivery, until, is_whole);

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Instant;
 
-use softplug_abi::Micros;
+use softplug_abi::{JobId, Micros};
 use softplug_link::Job;
 use softplug_live::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
 use softplug_live::reservoir::reservoir;
@@ -80,7 +80,7 @@ impl Floor {
         writer.write(bytes);
         writer.finish();
         let size = Some(bytes.len() as u64);
-        let job = Job { id: 1, kind: 0, size, fields: Vec::new(), check: false };
+        let job = Job { id: JobId(1), kind: 0, size, fields: Vec::new(), check: false };
         self.units.tell(lane, UnitCommand::Begin(Feed { job, source }));
     }
 

@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use softplug_abi::Micros;
+use softplug_abi::{JobId, Micros};
 use softplug_host::Digest;
 use softplug_link::Job;
 use softplug_live::reactor::{Backoff, Feed, JobEnd, LaneId, Report, SwapReport};
@@ -172,7 +172,7 @@ impl Shop {
         writer.write(program);
         writer.finish();
         let size = Some(program.len() as u64);
-        let job = Job { id, kind: 0, size, fields: Vec::new(), check: false };
+        let job = Job { id: JobId(id), kind: 0, size, fields: Vec::new(), check: false };
         self.tell(UnitCommand::Begin(Feed { job, source }));
     }
 

@@ -1,5 +1,6 @@
 //! The fifth part: three channels of a cell, in a gateway.
 
+use softplug_abi::JobId;
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -95,7 +96,7 @@ fn watch(context: &DemoContext<'_>, gateway: &Gateway) -> Result<Shown, Failure>
         sleep(LOOK);
     };
     for id in jobs {
-        let job = gateway.job(id).map_err(Failure::internal)?;
+        let job = gateway.job(JobId(id)).map_err(Failure::internal)?;
         if job.state != JobState::Done {
             return Ok(Shown::Failed(plain_text(&job.progress.text)));
         }

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 
-use softplug_abi::{Action, Micros};
+use softplug_abi::{Action, JobId, Micros};
 use softplug_link::{Job, LinkHost, Successor, Supply, SwapError};
 use softplug_live::station::{Station, StationError, StationOptions, Turn};
 use softplug_live::store::{Inbox, Mark};
@@ -141,7 +141,7 @@ impl<'a> Line<'a> {
         let Some(kind) = kind.filter(|_| station.link().job().is_none()) else { return };
         self.host.given = 0;
         let job = Job {
-            id: self.next_job,
+            id: JobId(self.next_job),
             kind,
             size: Some(self.host.data.len() as u64),
             fields: Vec::new(),
@@ -289,7 +289,7 @@ impl LinkHost for DevHost<'_> {
         }
     }
 
-    fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+    fn supply(&mut self, _job: JobId, buffer: &mut [u8]) -> Supply {
         let rest = self.data.get(self.given..).unwrap_or_default();
         let count = rest.len().min(buffer.len());
         if count == 0 {
@@ -300,7 +300,7 @@ impl LinkHost for DevHost<'_> {
         Supply::Bytes(count)
     }
 
-    fn rewind(&mut self, _job: u32) {
+    fn rewind(&mut self, _job: JobId) {
         self.given = 0;
     }
 

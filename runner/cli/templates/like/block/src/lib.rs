@@ -7,8 +7,7 @@
 use softplug_plugin::parts::{Answers, Block, BlockSender, TimerName, Timers, checks};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LinkDownReason, MarkState, Micros, State, Unread,
-    manifest, parts, settings, state_format, timers,
-};
+    manifest, parts, settings, state_format, timers, DeliveryId, JobId, MarkId};
 
 pub const STX: u8 = 0x02;
 pub const EOT: u8 = 0x04;
@@ -45,7 +44,7 @@ pub struct Plugin {
     awaits_answer: bool,
     heard: Block<258>,
     is_open: bool,
-    delivery: u32,
+    delivery: DeliveryId,
     #[state(skip)]
     unread: Unread,
 }
@@ -105,7 +104,7 @@ impl Converter for Plugin {
         }
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         let has_left = state == MarkState::SurelyLeft && self.sender.is_latest(mark);
         if has_left && self.awaits_answer {
             self.timers
@@ -117,7 +116,7 @@ impl Converter for Plugin {
         self.sender.begin(link, job.job);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         // 0 is the delivery under way.
         if job == 0 {
             self.end(link, Some(Failure::Aborted));

@@ -7,8 +7,7 @@
 use softplug_plugin::parts::{Answers, Block, BlockSender, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros, State,
-    Unread, manifest, parts, settings, state_format, timers,
-};
+    Unread, manifest, parts, settings, state_format, timers, DeliveryId, JobId, MarkId};
 
 /// Answer: the line was taken.
 pub const ACK: u8 = 0x06;
@@ -46,7 +45,7 @@ pub struct Plugin {
     awaits_answer: bool,
     heard: Block<LINE>,
     is_bad: bool,
-    delivery: u32,
+    delivery: DeliveryId,
     #[state(skip)]
     unread: Unread,
 }
@@ -114,7 +113,7 @@ impl Converter for Plugin {
         self.stop(link, Failure::NoAnswer);
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         let has_left = state == MarkState::SurelyLeft && self.sender.is_latest(mark);
         if has_left && self.awaits_answer {
             self.timers
@@ -126,7 +125,7 @@ impl Converter for Plugin {
         self.sender.begin(link, job.job);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         // 0 is the delivery under way; here each begins and ends in one event.
         if job != 0 {
             self.stop(link, Failure::Aborted);

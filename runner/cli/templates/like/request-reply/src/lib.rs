@@ -7,8 +7,7 @@
 use softplug_plugin::parts::{Block, BlockSender, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros, State,
-    Unread, manifest, parts, settings, state_format, timers,
-};
+    Unread, manifest, parts, settings, state_format, timers, DeliveryId, JobId, MarkId};
 
 /// The end of a line.
 pub const CR: u8 = b'\r';
@@ -43,7 +42,7 @@ pub struct Plugin {
     awaits_reply: bool,
     heard: Block<LINE>,
     is_bad: bool,
-    delivery: u32,
+    delivery: DeliveryId,
     #[state(skip)]
     unread: Unread,
 }
@@ -110,7 +109,7 @@ impl Converter for Plugin {
         }
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         let has_left = state == MarkState::SurelyLeft && self.sender.is_latest(mark);
         if has_left && self.awaits_reply {
             self.timers
@@ -122,7 +121,7 @@ impl Converter for Plugin {
         self.sender.begin(link, job.job);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         // 0 is the delivery under way; here each begins and ends in one event.
         if job != 0 {
             self.stop(link, Failure::Aborted);

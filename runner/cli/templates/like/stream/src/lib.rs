@@ -7,8 +7,7 @@
 use softplug_plugin::parts::BlockSender;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LinkDownReason, MarkState, State, Unread, manifest,
-    parts, settings, state_format,
-};
+    parts, settings, state_format, DeliveryId, JobId, MarkId};
 
 pub const XON: u8 = 0x11;
 pub const XOFF: u8 = 0x13;
@@ -36,7 +35,7 @@ pub struct Plugin {
     /// We have stopped the machine.
     is_stopped: bool,
     is_open: bool,
-    delivery: u32,
+    delivery: DeliveryId,
     #[state(skip)]
     unread: Unread,
 }
@@ -87,7 +86,7 @@ impl Converter for Plugin {
         link.release();
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
         let has_left = state == MarkState::SurelyLeft && self.sender.is_latest(mark);
         if has_left && self.is_last && self.sender.is_active() {
             self.sender.done(link);
@@ -100,7 +99,7 @@ impl Converter for Plugin {
         }
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+    fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         // 0 is the delivery under way.
         if job == 0 {
             self.end(link, Some(Failure::Aborted));

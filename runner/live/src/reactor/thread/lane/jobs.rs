@@ -1,6 +1,6 @@
 //! A lane's jobs: begun, fed from a reservoir or from the endpoint, ended.
 
-use softplug_abi::{Failure, Micros, ModemLines};
+use softplug_abi::{Failure, JobId, Micros, ModemLines};
 use softplug_link::{HoldState, Job};
 
 use super::{Lane, Phase};
@@ -36,7 +36,7 @@ impl<I: LaneInstance> Lane<I> {
         }
     }
 
-    fn refuse(&mut self, job: u32, failure: Failure) {
+    fn refuse(&mut self, job: JobId, failure: Failure) {
         let outcome = JobOutcome::Failed { failure, status: 0 };
         let end = JobEnd::unbegun(job, outcome, 0);
         self.host.tell(Report::JobEnded(end));
@@ -59,7 +59,7 @@ impl<I: LaneInstance> Lane<I> {
         let Some(from) = self.place_if_up() else { return };
         let Some(lane) = &self.host.endpoint else { return };
         let job = Job {
-            id: self.next_endpoint_job,
+            id: JobId(self.next_endpoint_job),
             kind: lane.job_kind,
             size: None,
             fields: lane.fields.clone(),
@@ -86,10 +86,14 @@ impl<I: LaneInstance> Lane<I> {
             EndpointRequest::ModemLines(mask, on) => self.set_modem_lines(thread, mask, on),
             EndpointRequest::Break(on) => self.set_break(thread, on),
             EndpointRequest::Purge => {
-                if let Some(job) =
-                    self.host.job.as_ref().map(|active| active.id).filter(|id| *id >= ENDPOINT_JOBS)
+                if let Some(job) = self
+                    .host
+                    .job
+                    .as_ref()
+                    .map(|active| active.id)
+                    .filter(|id| *id >= JobId(ENDPOINT_JOBS))
                 {
-                    self.ask(thread, |link, now, host| link.abort(now, job, host));
+                    self.ask(thread, |link, now, host| link.abort(now, JobId(job.0), host));
                 }
             }
         }
@@ -110,7 +114,7 @@ impl<I: LaneInstance> Lane<I> {
     }
 
     /// The job under way is paused by the host, or no longer.
-    pub(super) fn count_pause(&mut self, job: u32, is_paused: bool) {
+    pub(super) fn count_pause(&mut self, job: JobId, is_paused: bool) {
         let is_it = self.host.job.as_ref().is_some_and(|active| active.id == job);
         if let Phase::Open(channel) = &mut self.phase
             && is_it
@@ -125,7 +129,7 @@ impl<I: LaneInstance> Lane<I> {
         if active.source_failed.is_some() && !active.is_aborted {
             active.is_aborted = true;
             let job = active.id;
-            self.ask(thread, |link, now, host| link.abort(now, job, host));
+            self.ask(thread, |link, now, host| link.abort(now, JobId(job.0), host));
         }
     }
 
@@ -141,18 +145,18 @@ impl<I: LaneInstance> Lane<I> {
         };
         // A plug-in counts what the port was given, and cannot know that it stopped there.
         let sent = if outcome == JobOutcome::Done { sent } else { sent.min(left.surely) };
-        if active.id < ENDPOINT_JOBS {
+        if active.id < JobId(ENDPOINT_JOBS) {
             let is_done = outcome == JobOutcome::Done;
             let maybe = if is_done { active.taken } else { channel.job_may_have_left(now) };
             self.host.tell(Report::JobEnded(JobEnd {
-                job: active.id,
+                job: JobId(active.id.0),
                 outcome,
                 taken: active.taken,
                 sent,
                 maybe_left: left.maybe,
                 surely_left: left.surely,
                 bytes_maybe_left: maybe,
-                bytes_surely_left: self.status.bytes_surely_left(active.id),
+                bytes_surely_left: self.status.bytes_surely_left(JobId(active.id.0)),
             }));
             return;
         }
@@ -173,7 +177,7 @@ impl<I: LaneInstance> Lane<I> {
         let is_hungry = self.host.job.as_ref().is_some_and(|active| {
             active.is_hungry
                 && active.taken > 0
-                && active.id < ENDPOINT_JOBS
+                && active.id < JobId(ENDPOINT_JOBS)
                 && !active.is_source_stopped()
         });
         let is_free = |channel: &crate::channel::Channel<Recorded<I>>| {
@@ -190,7 +194,7 @@ impl<I: LaneInstance> Lane<I> {
         self.host.job.as_ref().is_some_and(|active| {
             active.is_hungry
                 && active.is_source_stopped()
-                && self.status.drained(active.id) != Some(active.taken)
+                && self.status.drained(JobId(active.id.0)) != Some(active.taken)
         })
     }
 

@@ -8,7 +8,7 @@ mod watchdogs;
 
 use mio::unix::SourceFd;
 use softplug_abi::limits::FUEL_PER_EVENT;
-use softplug_abi::{Instance, Micros};
+use softplug_abi::{Instance, JobId, Micros};
 use softplug_link::{Link, LinkFault, LinkHost};
 use std::ops::Range;
 use std::os::fd::AsRawFd;
@@ -192,14 +192,16 @@ impl<I: LaneInstance> Lane<I> {
             Command::Refill { job, source } => self.host.refill(job, source),
             Command::Begin(feed) => self.begin(thread, feed),
             Command::Pause(job) => {
-                self.count_pause(job, true);
-                self.ask(thread, |link, now, out| link.pause(now, job, out));
+                self.count_pause(JobId(job), true);
+                self.ask(thread, |link, now, out| link.pause(now, JobId(job), out));
             }
             Command::Resume(job) => {
-                self.ask(thread, |link, now, out| link.resume(now, job, out));
-                self.count_pause(job, false);
+                self.ask(thread, |link, now, out| link.resume(now, JobId(job), out));
+                self.count_pause(JobId(job), false);
             }
-            Command::Abort(job) => self.ask(thread, |link, now, out| link.abort(now, job, out)),
+            Command::Abort(job) => {
+                self.ask(thread, |link, now, out| link.abort(now, JobId(job), out))
+            }
             Command::ForceResume => self.ask(thread, |link, now, out| link.force_resume(now, out)),
             Command::Answer { request, answer } => self.ask(thread, |link, now, out| {
                 link.answer(now, request, answer.as_deref().map_err(|failure| *failure), out)
@@ -362,7 +364,7 @@ impl<I: LaneInstance> Lane<I> {
             let left = channel.left_lately(now, active.from);
             let is_drained = active.is_hungry && channel.is_drained(now);
             figures = JobFigures {
-                job: active.id,
+                job: JobId(active.id.0),
                 taken: active.taken,
                 maybe_left: left.maybe,
                 surely_left: left.surely,

@@ -1,6 +1,6 @@
 //! The job of a unit's link: taken up in each session, steered, ended.
 
-use softplug_abi::Failure;
+use softplug_abi::{Failure, JobId};
 use softplug_unit_protocol::{Outcome, ToServer, ToUnit};
 
 use super::{Around, UnitLane};
@@ -50,13 +50,13 @@ impl UnitLane {
     /// Positions do not fit together: nothing more is given, and the unit aborts it.
     pub(super) fn give_up_job(&mut self, why: &str, around: &mut Around<'_>) {
         let (Some(job), Some(link)) = (&mut self.job, self.number) else { return };
-        tracing::error!(why, job = job.job.id, "a job is aborted: the unit and we disagree");
+        tracing::error!(why, job = job.job.id.0, "a job is aborted: the unit and we disagree");
         job.is_aborted = true;
         around.say(&ToUnit::Abort { link, job: job.number });
     }
 
     pub(super) fn job_of(&mut self, id: u32) -> Option<&mut UnitJob> {
-        self.job.as_mut().filter(|active| active.job.id == id)
+        self.job.as_mut().filter(|active| active.job.id == JobId(id))
     }
 
     pub(super) fn pause(&mut self, id: u32, is_paused: bool, around: &mut Around<'_>) {
@@ -153,7 +153,7 @@ impl UnitLane {
     }
 }
 
-fn end_of(job: u32, message: &ToServer<'_>) -> JobEnd {
+fn end_of(job: JobId, message: &ToServer<'_>) -> JobEnd {
     let ToServer::Ended {
         outcome,
         failure,

@@ -6,7 +6,7 @@ mod plugin;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use softplug_abi::{Failure, LinkDownReason, Micros};
+use softplug_abi::{DeliveryId, Failure, LinkDownReason, Micros, RequestId};
 use softplug_unit_bus::{Consumption, Unit};
 use softplug_unit_protocol::{Digest, SlotState, ToServer, ToUnit};
 use softplug_unit_uplink::Outbox;
@@ -73,9 +73,9 @@ pub(super) struct UnitLane {
     /// A job of nobody that is known here is aborted first.
     foreign_job: Option<u64>,
     arrivals: Arrivals,
-    requests: BTreeSet<u32>,
+    requests: BTreeSet<RequestId>,
     /// Those of an earlier session that the unit has not named again.
-    doubtful_requests: BTreeSet<u32>,
+    doubtful_requests: BTreeSet<RequestId>,
     words: Allowance,
     /// How often its port may come and go: each time stands in the journal.
     changes: Allowance,
@@ -149,7 +149,7 @@ impl UnitLane {
             (thread.reports)(self.id, report);
         }
         for request in std::mem::take(&mut self.requests) {
-            (thread.reports)(self.id, Report::Withdrawn { request });
+            (thread.reports)(self.id, Report::Withdrawn { request: RequestId(request.0) });
         }
     }
 
@@ -186,12 +186,12 @@ impl UnitLane {
         match command {
             UnitCommand::Begin(feed) => {
                 feed.source.wake_with(around.thread.waker.clone());
-                let number = (around.thread.identity << 32) | u64::from(feed.job.id);
+                let number = (around.thread.identity << 32) | u64::from(feed.job.id.0);
                 self.job = Some(UnitJob::new(number, feed));
             }
             UnitCommand::Refill { job, source } => {
                 source.wake_with(around.thread.waker.clone());
-                if let Some(active) = self.job_of(job) {
+                if let Some(active) = self.job_of(job.0) {
                     active.refill(source);
                 }
             }
@@ -228,13 +228,24 @@ impl UnitLane {
         }
     }
 
-    fn answer(&mut self, request: u32, answer: Result<Vec<u8>, Failure>, around: &mut Around<'_>) {
+    fn answer(
+        &mut self,
+        request: RequestId,
+        answer: Result<Vec<u8>, Failure>,
+        around: &mut Around<'_>,
+    ) {
         let Some(link) = self.number.filter(|_| self.requests.remove(&request)) else { return };
         let bytes = match answer {
             Ok(bytes) => bytes,
             Err(failure) => {
                 let refused = Some(failure);
-                around.say(&ToUnit::Answer { link, request, refused, is_last: true, bytes: &[] });
+                around.say(&ToUnit::Answer {
+                    link,
+                    request: request.0,
+                    refused,
+                    is_last: true,
+                    bytes: &[],
+                });
                 return;
             }
         };
@@ -242,7 +253,13 @@ impl UnitLane {
         let count = bytes.len().div_ceil(piece).max(1);
         for (number, part) in (1..=count).zip(bytes.chunks(piece).chain([&[][..]])) {
             let is_last = number == count;
-            around.say(&ToUnit::Answer { link, request, refused: None, is_last, bytes: part });
+            around.say(&ToUnit::Answer {
+                link,
+                request: request.0,
+                refused: None,
+                is_last,
+                bytes: part,
+            });
         }
     }
 
@@ -251,7 +268,7 @@ impl UnitLane {
         let id = self.job.as_ref().filter(|job| job.is_begun).map(|job| job.job.id);
         match id.filter(|_| self.number.is_some()) {
             Some(id) => {
-                self.abort(id, around);
+                self.abort(id.0, around);
                 self.closing_until = Some(around.thread.clock.now() + CLOSING);
                 self.status.set_condition(Condition::Closing);
             }
@@ -357,18 +374,20 @@ impl UnitLane {
             ToServer::Delivery { delivery, job, at, name, .. } => {
                 let job = self.unit_job(job).map(|active| active.job.id);
                 let (room, waker) = (self.setup.delivery_room, &around.thread.waker);
-                let reports = self.arrivals.announced(delivery, job, at, name, room, waker)?;
+                let reports =
+                    self.arrivals.announced(DeliveryId(delivery), job, at, name, room, waker)?;
                 for report in reports {
                     self.report(report, around);
                 }
             }
             ToServer::Delivered { delivery, at, bytes, .. } => {
-                self.arrivals.data(delivery, at, bytes)?;
+                self.arrivals.data(DeliveryId(delivery), at, bytes)?;
             }
             ToServer::DeliveryEnded { delivery, failure, status, size, .. } => {
-                self.arrivals.ended(delivery, failure, status, size);
+                self.arrivals.ended(DeliveryId(delivery), failure, status, size);
             }
             ToServer::Request { request, kind, fields, .. } => {
+                let request = RequestId(request);
                 self.doubtful_requests.remove(&request);
                 if self.requests.len() >= MOST_REQUESTS && !self.requests.contains(&request) {
                     return Err(Flood);
@@ -379,6 +398,7 @@ impl UnitLane {
                 }
             }
             ToServer::Withdrawn { request, .. } => {
+                let request = RequestId(request);
                 if self.requests.remove(&request) {
                     self.report(Report::Withdrawn { request }, around);
                 }
@@ -407,7 +427,7 @@ impl UnitLane {
             ToServer::Told { .. } => {
                 for request in std::mem::take(&mut self.doubtful_requests) {
                     if self.requests.remove(&request) {
-                        self.report(Report::Withdrawn { request }, around);
+                        self.report(Report::Withdrawn { request: RequestId(request.0) }, around);
                     }
                 }
             }

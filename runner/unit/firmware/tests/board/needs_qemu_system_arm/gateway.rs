@@ -6,8 +6,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use sha2::{Digest, Sha256};
-use softplug_abi::Micros;
 use softplug_abi::manifest::Manifest;
+use softplug_abi::{JobId, Micros};
 use softplug_link::{Job, LinkOptions, Recorder, VirtualLine};
 use softplug_live::reactor::{Backoff, Feed, JobEnd, LaneId, Report};
 use softplug_live::reservoir::{Drawn, ReservoirReader, reservoir};
@@ -56,7 +56,7 @@ impl Gateway {
         writer.write(program);
         writer.finish();
         let size = Some(program.len() as u64);
-        let job = Job { id, kind: 0, size, fields: Vec::new(), check: false };
+        let job = Job { id: JobId(id), kind: 0, size, fields: Vec::new(), check: false };
         self.units.tell(LANE, UnitCommand::Begin(Feed { job, source }));
     }
 
@@ -120,9 +120,9 @@ pub(super) fn sent_natively(name: &str, program: &[u8]) -> Vec<u8> {
     let mut host = Recorder::default();
     line.link.open(Micros(0), &mut host).unwrap();
     line.link.received(Micros(1_000), &[0x11], &mut host).unwrap();
-    host.add_source(7, program.to_vec());
+    host.add_source(JobId(7), program.to_vec());
     let size = Some(program.len() as u64);
-    let job = Job { id: 7, kind: 0, size, fields: Vec::new(), check: false };
+    let job = Job { id: JobId(7), kind: 0, size, fields: Vec::new(), check: false };
     line.link.begin_job(Micros(2_000), job, &mut host).unwrap();
     line.tick(Micros(2_000), &mut host).unwrap();
     line.run_until(Micros::from_secs(60), &mut host).unwrap();
