@@ -34,7 +34,7 @@ pub struct Changes {
 
 /// What the plug-ins on the line are given from the start.
 ///
-/// The example of [`Exploration`] looks at one.
+/// The example of [`Exploration`](crate::Exploration) looks at one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Setup {
     /// Settings of each plug-in, as they were asked for.
