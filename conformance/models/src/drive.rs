@@ -422,11 +422,11 @@ impl LinkHost for Watch<'_> {
 
     fn supply(&mut self, job: JobId, buffer: &mut [u8]) -> Supply {
         let most = buffer.len().min(self.pieces);
-        self.recorder.supply(JobId(job.0), &mut buffer[..most])
+        self.recorder.supply(job, &mut buffer[..most])
     }
 
     fn rewind(&mut self, job: JobId) {
-        self.recorder.rewind(JobId(job.0));
+        self.recorder.rewind(job);
     }
 
     fn drained(&mut self) -> u32 {

@@ -110,11 +110,11 @@ impl OwnedAction {
             Self::Hold => push(Action::Hold),
             Self::Release => push(Action::Release),
             Self::Want(job) => push(Action::Want { job: JobId(*job), bytes: 1_000 }),
-            Self::Send(bytes) => push(Action::Transmit { mark: MarkId(0), bytes }),
+            Self::Send(bytes) => push(Action::Transmit { mark: MarkId::NONE, bytes }),
             Self::Mark => push(Action::Transmit { mark: MarkId(1), bytes: &[] }),
             Self::Done(job) => push(Action::JobDone { job: JobId(*job), sent: 0 }),
             Self::Line(delivery, bytes) => {
-                push(Action::DeliveryBegin { delivery: DeliveryId(*delivery), job: JobId(0) });
+                push(Action::DeliveryBegin { delivery: DeliveryId(*delivery), job: JobId::NONE });
                 if !bytes.is_empty() {
                     push(Action::Deliver { delivery: DeliveryId(*delivery), bytes });
                 }

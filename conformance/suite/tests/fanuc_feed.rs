@@ -39,7 +39,7 @@ impl Host {
             digest: Sha256::new(),
             end: None,
         };
-        host.rewind(JobId(0));
+        host.rewind(JobId::NONE);
         host
     }
 

@@ -239,7 +239,7 @@ impl Converter for FanucRs232 {
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
-        if job == JobId(0) {
+        if job == JobId::NONE {
             self.kept.punch.abort(link, &self.settings);
         } else {
             self.kept.remote_buffer.fail(link, Failure::Aborted);

@@ -150,7 +150,7 @@ fn run(
                 bench.host(|link, now, host| link.abort(now, JobId(job), host));
             }
             Happening::Abort(false) => {
-                bench.host(|link, now, host| link.abort(now, JobId(0), host));
+                bench.host(|link, now, host| link.abort(now, JobId::NONE, host));
             }
             Happening::Pause(true) if has_job => {
                 bench.host(|link, now, host| link.pause(now, JobId(job), host));

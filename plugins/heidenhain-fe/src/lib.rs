@@ -87,7 +87,7 @@ impl Converter for HeidenhainFe {
             answers: Answers::new(),
             sender: Sender::default(),
             receiver: Receiver::default(),
-            request: RequestId(0),
+            request: RequestId::NONE,
             takes: true,
             asked: Text::default(),
             name: StateName::new(),
@@ -236,7 +236,7 @@ impl Converter for HeidenhainFe {
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
-        if job == JobId(0) {
+        if job == JobId::NONE {
             if self.stage.is_receiving() {
                 self.end_reception(link, Some(Failure::Aborted));
                 self.say(link, EOT);

@@ -18,7 +18,7 @@ pub(crate) struct Receiver {
 impl Receiver {
     pub(crate) fn begin(&mut self, link: &mut Context<'_>, name: &[u8]) {
         *self = Self { delivery: self.delivery.next(), ..Self::default() };
-        link.delivery_begin(self.delivery, JobId(0));
+        link.delivery_begin(self.delivery, JobId::NONE);
         if !name.is_empty() {
             link.delivery_name_ascii(self.delivery, name);
         }

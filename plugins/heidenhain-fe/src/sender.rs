@@ -36,7 +36,7 @@ impl Sender {
         job: &JobStart<'_>,
         name_field: u16,
     ) -> bool {
-        if self.job.job() == JobId(0) && job.kind != 0 {
+        if self.job.job() == JobId::NONE && job.kind != 0 {
             link.job_failed(job.job, Failure::NotSupported, 0, 0);
             return false;
         }
@@ -54,7 +54,7 @@ impl Sender {
 
     /// Whether there is a job to check.
     pub(crate) fn is_checking(&self) -> bool {
-        self.is_checking && self.job.job() != JobId(0)
+        self.is_checking && self.job.job() != JobId::NONE
     }
 
     /// Whether there is a job to send.
@@ -79,7 +79,7 @@ impl Sender {
         for byte in data.as_slice() {
             let failure = self.check_byte(settings, *byte);
             if let Some(failure) = failure {
-                link.check_failed(JobId(self.job.job().0), failure, self.line, self.column);
+                link.check_failed(self.job.job(), failure, self.line, self.column);
                 self.job.forget();
                 return;
             }
@@ -109,9 +109,9 @@ impl Sender {
     pub(crate) fn checked(&mut self, link: &mut Context<'_>) {
         let job = self.job.job();
         if self.after_cr {
-            link.check_failed(JobId(job.0), Failure::UnsupportedCharacter, self.line, self.column);
+            link.check_failed(job, Failure::UnsupportedCharacter, self.line, self.column);
         } else {
-            link.check_good(JobId(job.0));
+            link.check_good(job);
         }
         self.job.forget();
     }

@@ -88,9 +88,9 @@ impl Converter for Kermit {
             terms: Terms::usual(),
             timers: Timers::new(),
             answers: Answers::new(),
-            sender: Sender::new(MarkId(0)),
+            sender: Sender::new(MarkId::NONE),
             receiver: Receiver::new(),
-            request: RequestId(0),
+            request: RequestId::NONE,
             is_asking: false,
             takes: true,
             is_narrow: false,
@@ -236,7 +236,7 @@ impl Converter for Kermit {
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
-        if job == JobId(0) {
+        if job == JobId::NONE {
             self.cancel_reception(link);
         } else {
             self.abort_job(link);

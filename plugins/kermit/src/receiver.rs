@@ -39,7 +39,7 @@ pub(crate) struct Receiver {
 impl Receiver {
     pub(crate) const fn new() -> Self {
         Self {
-            delivery: DeliveryId(0),
+            delivery: DeliveryId::NONE,
             is_open: false,
             is_whole: false,
             expected: 0,
@@ -62,7 +62,7 @@ impl Receiver {
         self.is_open = true;
         self.has_cr = false;
         self.delivery = self.delivery.next();
-        link.delivery_begin(self.delivery, JobId(0));
+        link.delivery_begin(self.delivery, JobId::NONE);
         if !name.is_empty() {
             link.delivery_name_ascii(self.delivery, name);
         }

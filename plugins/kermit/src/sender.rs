@@ -91,7 +91,7 @@ pub(crate) struct Sender {
 impl Sender {
     pub(crate) const fn new(mark: MarkId) -> Self {
         Self {
-            job: JobId(0),
+            job: JobId::NONE,
             stopping: None,
             is_paused: false,
             is_interrupted: false,
@@ -122,7 +122,7 @@ impl Sender {
             && name.len() <= NAME
             && name.iter().all(|character| matches!(character, 0x20..=0x7E));
         let why = match job.kind {
-            _ if self.job != JobId(0) => Failure::Busy,
+            _ if self.job != JobId::NONE => Failure::Busy,
             0 if is_sound => {
                 *self = Self::new(self.mark);
                 self.job = job.job;
@@ -138,7 +138,7 @@ impl Sender {
 
     /// Whether there is a job to send.
     pub(crate) fn is_waiting(&self) -> bool {
-        self.job != JobId(0) && self.stopping.is_none()
+        self.job != JobId::NONE && self.stopping.is_none()
     }
 
     pub(crate) fn data(&mut self, bytes: &[u8], settings: &Settings) {
@@ -389,9 +389,9 @@ impl Sender {
 
     /// The job has failed; but what the receiver has confirmed is done.
     pub(crate) fn fail(&mut self, link: &mut Context<'_>, failure: Failure) {
-        if self.job != JobId(0) && self.is_confirmed() {
+        if self.job != JobId::NONE && self.is_confirmed() {
             self.done(link);
-        } else if self.job != JobId(0) {
+        } else if self.job != JobId::NONE {
             link.job_failed(self.job, failure, 0, self.queued);
             *self = Self::new(self.mark);
         }

@@ -46,7 +46,7 @@ impl Job {
     pub(crate) const fn none() -> Self {
         Self {
             stage: Stage::None,
-            id: JobId(0),
+            id: JobId::NONE,
             kind: 0,
             sent: 0,
             ended: false,
@@ -79,13 +79,13 @@ impl Job {
 
     pub(crate) fn done(&mut self, link: &mut Context<'_>) {
         self.stage = Stage::None;
-        link.job_done(JobId(self.id.0), self.sent);
+        link.job_done(self.id, self.sent);
     }
 
     #[inline(never)]
     pub(crate) fn failed(&mut self, link: &mut Context<'_>, cause: Cause) {
         self.stage = Stage::None;
         self.failing = Kept(None);
-        link.job_failed(JobId(self.id.0), cause.failure(), cause.status(), self.sent);
+        link.job_failed(self.id, cause.failure(), cause.status(), self.sent);
     }
 }

@@ -134,7 +134,7 @@ impl Machine {
             withdrew: false,
             heard: 0,
             buffer_until: Micros::ZERO,
-            last_delivery: DeliveryId(0),
+            last_delivery: DeliveryId::NONE,
             timers: Timers::new(),
             unread: const { Unread::new() },
             named: Phase::Idle,

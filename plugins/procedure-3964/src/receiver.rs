@@ -168,17 +168,13 @@ impl Machine {
     pub(crate) fn deliver(&mut self, link: &mut Context<'_>, cause: Option<Cause>) {
         self.last_delivery = self.last_delivery.next();
         let id = self.last_delivery;
-        link.delivery_begin(DeliveryId(id.0), JobId(0));
+        link.delivery_begin(id, JobId::NONE);
         let room = link.delivery_room() as usize;
         let bytes = self.block.as_slice();
         let bytes = bytes.get(..bytes.len().min(room)).unwrap_or_default();
         if !bytes.is_empty() {
-            link.deliver(DeliveryId(id.0), bytes);
+            link.deliver(id, bytes);
         }
-        link.delivery_end(
-            DeliveryId(id.0),
-            cause.map(Cause::failure),
-            cause.map_or(0, Cause::status),
-        );
+        link.delivery_end(id, cause.map(Cause::failure), cause.map_or(0, Cause::status));
     }
 }

@@ -41,7 +41,7 @@ impl Machine {
     /// Asks for a block, and for one byte more where there must be no more.
     fn want_block(&mut self, link: &mut Context<'_>) {
         let more = u32::from(!self.options.split);
-        link.want(JobId(self.job.id.0), self.options.block_size as u32 + more);
+        link.want(self.job.id, self.options.block_size as u32 + more);
     }
 
     pub(crate) fn job_data(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
@@ -108,7 +108,7 @@ impl Machine {
     /// Aborts the job. Only a reception that it waits for goes on undisturbed.
     pub(crate) fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         // A delivery under way is what a job reads.
-        if self.has_job() && (job != JobId(0) || self.rk512.is_delivering()) {
+        if self.has_job() && (job != JobId::NONE || self.rk512.is_delivering()) {
             let is_on_line = self.phase.is_sender() && self.owner == Owner::Job;
             if is_on_line {
                 self.drop_queue(link);

@@ -135,7 +135,7 @@ impl Converter for PulseLathe {
 
     fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         // 0 is a delivery, of which there is none here.
-        if job != JobId(0) {
+        if job != JobId::NONE {
             self.lathe.stop(link, Failure::Aborted, 0);
         }
         self.name_state(link);

@@ -75,7 +75,7 @@ impl Converter for Xmodem {
             stage: Stage::default(),
             timers: Timers::new(),
             answers: Answers::new(),
-            sender: Sender::new(MarkId(0)),
+            sender: Sender::new(MarkId::NONE),
             receiver: Receiver::new(),
             takes: true,
             is_down: false,
@@ -244,7 +244,7 @@ impl Converter for Xmodem {
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
-        if job == JobId(0) {
+        if job == JobId::NONE {
             self.cancel_reception(link);
         } else {
             self.abort_job(link);

@@ -47,7 +47,7 @@ impl Receiver {
     pub(crate) const fn new() -> Self {
         Self {
             reader: Reader::new(),
-            delivery: DeliveryId(0),
+            delivery: DeliveryId::NONE,
             is_open: false,
             is_crc: false,
             calls: 0,
@@ -99,7 +99,7 @@ impl Receiver {
         if !self.is_open {
             self.is_open = true;
             self.delivery = self.delivery.next();
-            link.delivery_begin(self.delivery, JobId(0));
+            link.delivery_begin(self.delivery, JobId::NONE);
         }
     }
 

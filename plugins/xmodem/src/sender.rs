@@ -53,7 +53,7 @@ pub(crate) struct Sender {
 impl Sender {
     pub(crate) const fn new(mark: MarkId) -> Self {
         Self {
-            job: JobId(0),
+            job: JobId::NONE,
             stopping: None,
             is_aborted: false,
             is_paused: false,
@@ -77,8 +77,8 @@ impl Sender {
 
     /// A job; one that cannot be taken fails at once.
     pub(crate) fn begin(&mut self, link: &mut Context<'_>, job: &JobStart<'_>) -> bool {
-        if self.job != JobId(0) || job.kind != 0 {
-            let why = if self.job == JobId(0) { Failure::NotSupported } else { Failure::Busy };
+        if self.job != JobId::NONE || job.kind != 0 {
+            let why = if self.job == JobId::NONE { Failure::NotSupported } else { Failure::Busy };
             link.job_failed(job.job, why, 0, 0);
             return false;
         }
@@ -89,7 +89,7 @@ impl Sender {
 
     /// Whether there is a job to send.
     pub(crate) fn is_waiting(&self) -> bool {
-        self.job != JobId(0) && self.stopping.is_none()
+        self.job != JobId::NONE && self.stopping.is_none()
     }
 
     /// The receiver calls, with C or NAK: whether we begin.
@@ -254,7 +254,7 @@ impl Sender {
     }
 
     pub(crate) fn fail(&mut self, link: &mut Context<'_>, failure: Failure) {
-        if self.job != JobId(0) {
+        if self.job != JobId::NONE {
             link.job_failed(self.job, failure, 0, self.queued);
             *self = Self::new(self.mark);
         }

@@ -239,7 +239,7 @@ fn a_block_waits_for_room() {
     bench.swap();
     bench.drain(73);
     assert_eq!(ear.after(&mut bench, &[], 100), [ACK]);
-    bench.host(|link, now, host| link.abort(now, JobId(0), host));
+    bench.host(|link, now, host| link.abort(now, JobId::NONE, host));
     assert_eq!(received(&bench), [(vec![9; 128], Some(Failure::Aborted))]);
     assert_eq!(ear.after(&mut bench, &[], 900), SILENCE);
     assert_eq!(ear.after(&mut bench, &[], 200), [CAN; 8]);

@@ -173,7 +173,7 @@ impl Converter for XonXoff {
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
-        if job == JobId(0) {
+        if job == JobId::NONE {
             self.receiver.abort(link, &self.codes);
         } else {
             self.sender.stop(link, Failure::Aborted);

@@ -134,7 +134,7 @@ impl Receiver {
         kind: LineErrorKind,
         byte: Option<u8>,
     ) {
-        if self.delivery == DeliveryId(0) && (kind == LineErrorKind::Break || byte.is_none()) {
+        if self.delivery == DeliveryId::NONE && (kind == LineErrorKind::Break || byte.is_none()) {
             return;
         }
         self.begin(link);
@@ -206,7 +206,7 @@ impl Receiver {
         settings: &Settings,
         codes: &Codes,
     ) {
-        if self.xon_unanswered && self.delivery != DeliveryId(0) {
+        if self.xon_unanswered && self.delivery != DeliveryId::NONE {
             self.say(link, codes);
             self.await_repeat(link, settings);
         }
@@ -219,11 +219,11 @@ impl Receiver {
 
     /// Ends the delivery under way; an earlier reason to fail goes first.
     pub(crate) fn end(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
-        if self.delivery == DeliveryId(0) {
+        if self.delivery == DeliveryId::NONE {
             return;
         }
         link.delivery_end(self.delivery, self.failure.or(failure), 0);
-        self.delivery = DeliveryId(0);
+        self.delivery = DeliveryId::NONE;
         self.xon_unanswered = false;
         self.timers.set(link, Timer::Quiet, None);
         self.timers.set(link, Timer::RepeatXon, None);
@@ -245,7 +245,7 @@ impl Receiver {
 
     fn begin(&mut self, link: &mut Context<'_>) {
         self.heard = true;
-        if self.delivery == DeliveryId(0) {
+        if self.delivery == DeliveryId::NONE {
             self.begin_delivery(link);
         }
     }
@@ -253,13 +253,13 @@ impl Receiver {
     #[cold]
     fn begin_delivery(&mut self, link: &mut Context<'_>) {
         self.last_delivery = self.last_delivery.next();
-        self.delivery = DeliveryId(self.last_delivery.0);
+        self.delivery = self.last_delivery;
         self.failure = None;
         self.escaped = false;
         self.lines = Lines::default();
         self.mark_progress = 0;
         self.marks_seen = 0;
-        link.delivery_begin(self.delivery, JobId(0));
+        link.delivery_begin(self.delivery, JobId::NONE);
     }
 
     /// What finds no room is lost, and the delivery says so.
@@ -337,14 +337,14 @@ impl Receiver {
     fn await_quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let span =
             if self.is_complete(settings) { settings.end_quiet } else { settings.quiet_time };
-        let is_timed = self.delivery != DeliveryId(0) && !self.stopped && span > 0;
+        let is_timed = self.delivery != DeliveryId::NONE && !self.stopped && span > 0;
         let at = is_timed.then(|| link.now() + Micros::from_millis(span));
         self.timers.set(link, Timer::Quiet, at);
     }
 
     fn await_repeat(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let span = settings.xon_repeat;
-        let is_timed = self.delivery != DeliveryId(0) && span > 0;
+        let is_timed = self.delivery != DeliveryId::NONE && span > 0;
         let at = is_timed.then(|| link.now() + Micros::from_millis(span));
         self.timers.set(link, Timer::RepeatXon, at);
     }

@@ -122,7 +122,7 @@ proptest! {
         let action = |bytes| if delivered {
             Action::Deliver { delivery: DeliveryId(3), bytes }
         } else {
-            Action::Transmit { mark: MarkId(0), bytes }
+            Action::Transmit { mark: MarkId::NONE, bytes }
         };
         let (mut whole, mut cut) = ([0; 400], [0; 400]);
         let mut writer = ActionWriter::new(&mut whole);
@@ -185,24 +185,24 @@ fn neighbours_stay_apart_where_it_matters() {
     let cases: [&[Action<'_>]; 5] = [
         &[
             Action::Transmit { mark: MarkId(7), bytes: b"a" },
-            Action::Transmit { mark: MarkId(0), bytes: b"b" },
+            Action::Transmit { mark: MarkId::NONE, bytes: b"b" },
         ],
         &[
-            Action::Transmit { mark: MarkId(0), bytes: b"a" },
+            Action::Transmit { mark: MarkId::NONE, bytes: b"a" },
             Action::Transmit { mark: MarkId(7), bytes: b"b" },
         ],
         &[
-            Action::Transmit { mark: MarkId(0), bytes: b"a" },
+            Action::Transmit { mark: MarkId::NONE, bytes: b"a" },
             Action::Hold,
-            Action::Transmit { mark: MarkId(0), bytes: b"b" },
+            Action::Transmit { mark: MarkId::NONE, bytes: b"b" },
         ],
         &[
             Action::Deliver { delivery: DeliveryId(1), bytes: b"a" },
             Action::Deliver { delivery: DeliveryId(2), bytes: b"b" },
         ],
         &[
-            Action::TransmitUrgent { mark: MarkId(0), bytes: b"a" },
-            Action::TransmitUrgent { mark: MarkId(0), bytes: b"b" },
+            Action::TransmitUrgent { mark: MarkId::NONE, bytes: b"a" },
+            Action::TransmitUrgent { mark: MarkId::NONE, bytes: b"b" },
         ],
     ];
     for actions in cases {
@@ -221,13 +221,16 @@ fn a_record_ends_at_its_greatest_length() {
     let mut writer = ActionWriter::new(&mut buffer);
     let most = vec![b'x'; limits::RECORD_BYTES - 4];
     let too_many = vec![b'x'; limits::RECORD_BYTES - 3];
-    assert_eq!(writer.push(&Action::Transmit { mark: MarkId(0), bytes: &too_many }), Err(NoSpace));
+    assert_eq!(
+        writer.push(&Action::Transmit { mark: MarkId::NONE, bytes: &too_many }),
+        Err(NoSpace)
+    );
     assert!(writer.is_empty());
-    assert_eq!(writer.push(&Action::Transmit { mark: MarkId(0), bytes: &most }), Ok(()));
-    assert_eq!(writer.push(&Action::Transmit { mark: MarkId(0), bytes: b"y" }), Ok(()));
+    assert_eq!(writer.push(&Action::Transmit { mark: MarkId::NONE, bytes: &most }), Ok(()));
+    assert_eq!(writer.push(&Action::Transmit { mark: MarkId::NONE, bytes: b"y" }), Ok(()));
     let expected = [
-        Action::Transmit { mark: MarkId(0), bytes: &most },
-        Action::Transmit { mark: MarkId(0), bytes: b"y" },
+        Action::Transmit { mark: MarkId::NONE, bytes: &most },
+        Action::Transmit { mark: MarkId::NONE, bytes: b"y" },
     ];
     assert_eq!(accepted(writer.written()), expected);
 }

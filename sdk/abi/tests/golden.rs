@@ -112,7 +112,7 @@ fn events(stored: &Stored) -> Vec<(&'static str, Event<'_>)> {
         ("pause", Event::Pause { job: JobId(1) }),
         ("resume", Event::Resume { job: JobId(1) }),
         ("abort", Event::Abort { job: JobId(1) }),
-        ("abort/delivery", Event::Abort { job: JobId(0) }),
+        ("abort/delivery", Event::Abort { job: JobId::NONE }),
         ("force-resume", Event::ForceResume),
         (
             "answer",
@@ -141,10 +141,10 @@ fn actions(stored: &Stored) -> Vec<(&'static str, Action<'_>)> {
     const SIXTEEN: &[u8] = &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
     let note = |level, code, text| Action::Note { level, code, text };
     vec![
-        ("transmit", Action::Transmit { mark: MarkId(0), bytes: b"G1" }),
+        ("transmit", Action::Transmit { mark: MarkId::NONE, bytes: b"G1" }),
         ("transmit/marked", Action::Transmit { mark: MarkId(7), bytes: b"M30" }),
         ("transmit/mark-only", Action::Transmit { mark: MarkId(8), bytes: b"" }),
-        ("transmit-urgent", Action::TransmitUrgent { mark: MarkId(0), bytes: b"\x13" }),
+        ("transmit-urgent", Action::TransmitUrgent { mark: MarkId::NONE, bytes: b"\x13" }),
         ("transmit-urgent/marked", Action::TransmitUrgent { mark: MarkId(9), bytes: SIXTEEN }),
         ("hold", Action::Hold),
         ("release", Action::Release),
@@ -154,7 +154,7 @@ fn actions(stored: &Stored) -> Vec<(&'static str, Action<'_>)> {
         ("modem-lines", Action::ModemLines { mask: ModemLines::OUTPUTS, on: ModemLines::RTS }),
         ("break", Action::Break { micros: 250_000 }),
         ("want", Action::Want { job: JobId(1), bytes: 512 }),
-        ("delivery-begin", Action::DeliveryBegin { delivery: DeliveryId(3), job: JobId(0) }),
+        ("delivery-begin", Action::DeliveryBegin { delivery: DeliveryId(3), job: JobId::NONE }),
         (
             "delivery-begin/for-job",
             Action::DeliveryBegin { delivery: DeliveryId(3), job: JobId(1) },

@@ -90,7 +90,7 @@ impl Core {
                 return Ok(());
             }
             Action::Want { job, bytes } => {
-                self.active(JobId(job.0))?.want(*bytes);
+                self.active(*job)?.want(*bytes);
                 return Ok(());
             }
             Action::Discard => {
@@ -100,26 +100,18 @@ impl Core {
             }
             Action::Hold => self.queue.set_held(true),
             Action::Release => self.queue.set_held(false),
-            Action::DeliveryBegin { delivery, .. } => {
-                self.begin_delivery(DeliveryId(delivery.0))?
-            }
-            Action::Deliver { delivery, bytes } => {
-                self.deliver(DeliveryId(delivery.0), bytes.len() as u32)?
-            }
-            Action::DeliveryName { delivery, .. } => self.in_delivery(DeliveryId(delivery.0))?,
+            Action::DeliveryBegin { delivery, .. } => self.begin_delivery(*delivery)?,
+            Action::Deliver { delivery, bytes } => self.deliver(*delivery, bytes.len() as u32)?,
+            Action::DeliveryName { delivery, .. } => self.in_delivery(*delivery)?,
             Action::DeliveryEnd { delivery, .. } => {
-                self.in_delivery(DeliveryId(delivery.0))?;
+                self.in_delivery(*delivery)?;
                 self.delivery = None;
             }
             Action::JobDone { job, .. } | Action::JobFailed { job, .. } => {
-                self.end_job(JobId(job.0), action)?;
+                self.end_job(*job, action)?;
             }
-            Action::CheckResult { job, failure, .. } => {
-                self.checked(JobId(job.0), failure.is_none())?
-            }
-            Action::Request { request, fields, .. } => {
-                self.request(RequestId(request.0), fields)?
-            }
+            Action::CheckResult { job, failure, .. } => self.checked(*job, failure.is_none())?,
+            Action::Request { request, fields, .. } => self.request(*request, fields)?,
             Action::Withdraw { request } => self.requests.retain(|id| id != request),
             Action::ModemLines { .. } | Action::Note { .. } | Action::State { .. } => {}
             Action::Saved { .. } => unreachable!("answered above"),
@@ -170,16 +162,12 @@ impl Core {
         if self.delivery.is_some() {
             return Err(RuleBroken::DeliveryUnderWay(id));
         }
-        self.delivery = Some(DeliveryId(id.0));
+        self.delivery = Some(id);
         Ok(())
     }
 
     fn in_delivery(&self, id: DeliveryId) -> Result<(), RuleBroken> {
-        if self.delivery == Some(DeliveryId(id.0)) {
-            Ok(())
-        } else {
-            Err(RuleBroken::NoSuchDelivery(id))
-        }
+        if self.delivery == Some(id) { Ok(()) } else { Err(RuleBroken::NoSuchDelivery(id)) }
     }
 
     fn deliver(&mut self, id: DeliveryId, bytes: u32) -> Result<(), RuleBroken> {
@@ -293,7 +281,7 @@ impl Core {
         }
         if let Some(active) = self.job.take() {
             let job = active.job.id;
-            host.handle(now, &Action::JobFailed { job: JobId(job.0), failure, status: 0, sent: 0 });
+            host.handle(now, &Action::JobFailed { job, failure, status: 0, sent: 0 });
         }
     }
 }

@@ -362,7 +362,7 @@ impl<I: Instance> Link<I> {
     fn due(&mut self, host: &mut dyn LinkHost) -> Option<Event<'static>> {
         let queue = &mut self.core.queue;
         if let Some((mark, state)) = queue.next_mark() {
-            return Some(Event::Mark { mark: MarkId(mark.0), state });
+            return Some(Event::Mark { mark, state });
         }
         if let Some(grown) = queue.next_room() {
             return Some(Event::TransmitRoom { grown });
@@ -385,24 +385,23 @@ impl<I: Instance> Link<I> {
         if active.run_next {
             active.start_run();
             self.core.fed.begin();
-            host.rewind(JobId(job.0));
+            host.rewind(job);
             self.steps = 0;
             return self.begin_event(host).map(|()| true);
         }
         let Some(most) = active.hungry(capacity) else { return Ok(false) };
-        match host.supply(JobId(job.0), &mut self.scratch[..most]) {
+        match host.supply(job, &mut self.scratch[..most]) {
             Supply::Later => return Ok(false),
             Supply::End => {
                 active.end_data();
-                self.step(&Event::JobEnd { job: JobId(job.0) }, host)?;
+                self.step(&Event::JobEnd { job }, host)?;
             }
             Supply::Bytes(count) => {
                 active.given(count);
                 self.core.fed.give(count, self.core.queue.tail());
                 self.steps = 0;
                 let scratch = core::mem::take(&mut self.scratch);
-                let given = self
-                    .step(&Event::JobData { job: JobId(job.0), bytes: &scratch[..count] }, host);
+                let given = self.step(&Event::JobData { job, bytes: &scratch[..count] }, host);
                 // Another plug-in may have come with its own.
                 if self.scratch.is_empty() {
                     self.scratch = scratch;

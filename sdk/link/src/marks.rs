@@ -47,7 +47,7 @@ impl Marks {
         while let Some((mark, at)) = self.queued.front().copied().filter(|(_, at)| *at <= position)
         {
             self.queued.pop_front();
-            self.give(MarkId(mark.0), wire - (position - at));
+            self.give(mark, wire - (position - at));
         }
     }
 
@@ -67,7 +67,7 @@ impl Marks {
     /// This mark is no longer outstanding; or, if it is not known, one without a
     /// name.
     pub(crate) fn settle(&mut self, mark: MarkId) {
-        for mark in [mark, MarkId(0)] {
+        for mark in [mark, MarkId::NONE] {
             if let Some(at) = self.queued.iter().position(|(known, _)| *known == mark) {
                 self.queued.remove(at);
                 return;

@@ -75,7 +75,7 @@ impl Queue {
         self.room -= count;
         self.queued += u64::from(count);
         self.bytes.extend(bytes);
-        if mark != MarkId(0) {
+        if mark != MarkId::NONE {
             if self.bytes.is_empty() {
                 self.marks.give(mark, self.given);
             } else {
@@ -93,7 +93,7 @@ impl Queue {
         let last = bytes.len() - 1;
         let with_mark = |(at, byte): (usize, &u8)| Urgent::Byte {
             byte: *byte,
-            mark: if at == last { mark } else { MarkId(0) },
+            mark: if at == last { mark } else { MarkId::NONE },
         };
         self.urgent.extend(bytes.iter().enumerate().map(with_mark));
         Ok(())
@@ -108,7 +108,7 @@ impl Queue {
     }
 
     fn check_mark(&self, mark: MarkId) -> Result<(), RuleBroken> {
-        if mark != MarkId(0) && !self.marks.has_room() {
+        if mark != MarkId::NONE && !self.marks.has_room() {
             Err(RuleBroken::TooManyMarks)
         } else {
             Ok(())
@@ -159,7 +159,7 @@ impl Queue {
                     buffer[count] = byte;
                     count += 1;
                     self.given += 1;
-                    if mark != MarkId(0) {
+                    if mark != MarkId::NONE {
                         self.marks.give(mark, self.given);
                     }
                 }
@@ -293,7 +293,7 @@ impl Queue {
 
     /// For a rerun: so many marks are outstanding of which nothing else is known.
     pub(crate) fn mark_unnamed(&mut self, count: u32) {
-        (0..count.min(MARKS as u32)).for_each(|_| self.marks.give(MarkId(0), u64::MAX));
+        (0..count.min(MARKS as u32)).for_each(|_| self.marks.give(MarkId::NONE, u64::MAX));
     }
 
     /// For a rerun: the plug-in was told the end of this mark.

@@ -180,8 +180,7 @@ impl LinkHost for Recorder {
             Action::ModemLines { mask, on } => Observed::ModemLines(*mask, *on),
             Action::Break { micros } => Observed::Break(*micros),
             Action::DeliveryBegin { delivery, job } => {
-                let open =
-                    Delivery { id: DeliveryId(delivery.0), job: *job, ..Delivery::default() };
+                let open = Delivery { id: *delivery, job: *job, ..Delivery::default() };
                 self.open_delivery = Some(open);
                 return;
             }
@@ -221,7 +220,7 @@ impl LinkHost for Recorder {
                 kind: *kind,
                 fields: fields.as_bytes().to_vec(),
             },
-            Action::Withdraw { request } => Observed::Withdraw(RequestId(request.0)),
+            Action::Withdraw { request } => Observed::Withdraw(*request),
             Action::Note { level, code, text } => Observed::Note(*level, *code, (*text).to_owned()),
             Action::State { name } => Observed::State((*name).to_owned()),
             // What the link handles itself never comes out.

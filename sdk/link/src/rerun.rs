@@ -170,12 +170,12 @@ impl Core {
                 self.queue.settle_mark(*mark);
             }
             Event::JobBegin { job, pass, .. } => {
-                let mut active = ActiveJob::new(job_of(JobId(job.0)));
+                let mut active = ActiveJob::new(job_of(*job));
                 active.pass = *pass;
                 self.job = Some(active);
             }
             Event::Answer { request, more, .. } => {
-                self.awaits_answer(RequestId(request.0), !more);
+                self.awaits_answer(*request, !more);
             }
             Event::Settings { .. }
             | Event::Close

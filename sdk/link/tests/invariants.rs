@@ -196,7 +196,7 @@ impl Instance for Player {
         match event {
             Event::Received(_) => known.act(&mut writer),
             Event::Open { .. } => {
-                let begin = Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) };
+                let begin = Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId::NONE };
                 writer.push(&begin).expect("the buffer is large");
             }
             _ => {}

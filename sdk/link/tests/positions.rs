@@ -113,7 +113,7 @@ fn positions_hold_over_close_and_reopening() {
 #[test]
 fn nothing_is_sent_while_the_port_is_gone() {
     let mut rig = Rig::new(rooms(64, 64), 1);
-    rig.does(0, &[transmit(MarkId(0), b"ABC")]);
+    rig.does(0, &[transmit(MarkId::NONE, b"ABC")]);
     let reason = softplug_abi::LinkDownReason::Unplugged;
     rig.host(500, |link, out| link.link_down(Micros(500), reason, out));
     assert!(!rig.line.link.has_to_send());
@@ -127,7 +127,7 @@ fn nothing_is_sent_while_the_port_is_gone() {
 #[test]
 fn an_ended_plugin_can_be_closed() {
     let mut rig = Rig::new(LinkOptions { ..rooms(4, 4) }, 1);
-    rig.breaks(10, &[transmit(MarkId(0), b"12345")]);
+    rig.breaks(10, &[transmit(MarkId::NONE, b"12345")]);
     rig.given();
     rig.line.link.close(Micros(20), &mut rig.out).unwrap();
     rig.line.link.close(Micros(20), &mut rig.out).unwrap();

@@ -173,7 +173,7 @@ impl State {
             match byte {
                 0x13 => out.put(&Action::Hold),
                 0x11 => out.put(&Action::Release),
-                b'?' => out.put(&Action::TransmitUrgent { mark: MarkId(0), bytes: b"U" }),
+                b'?' => out.put(&Action::TransmitUrgent { mark: MarkId::NONE, bytes: b"U" }),
                 b'#' => {
                     self.discarding = true;
                     out.put(&Action::Discard);
@@ -205,7 +205,7 @@ impl State {
             self.delivery_room -= count;
             if !self.delivering {
                 self.delivering = true;
-                out.put(&Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) });
+                out.put(&Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId::NONE });
             }
             out.put(&Action::Deliver { delivery: DeliveryId(1), bytes: &bytes });
         }

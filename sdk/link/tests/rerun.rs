@@ -40,7 +40,7 @@ fn request(request: RequestId) -> Action<'static> {
 }
 
 fn urgent() -> Action<'static> {
-    Action::TransmitUrgent { mark: MarkId(0), bytes: b"0123456789" }
+    Action::TransmitUrgent { mark: MarkId::NONE, bytes: b"0123456789" }
 }
 
 /// A story in which the plug-in is told of rooms, marks, timers, a job, answers.
@@ -51,7 +51,7 @@ fn tell(script: &Script, last: &[Action<'_>]) {
         &[
             Action::Want { job: JobId(1), bytes: 4 },
             transmit(MarkId(1)),
-            Action::DeliveryBegin { delivery: DeliveryId(5), job: JobId(0) },
+            Action::DeliveryBegin { delivery: DeliveryId(5), job: JobId::NONE },
             Action::Deliver { delivery: DeliveryId(5), bytes: b"12345678" },
             request(RequestId(1)),
             request(RequestId(2)),
@@ -95,14 +95,14 @@ fn every_end_comes_again() {
     let too_much = [b'x'; 21];
     let many = [request(RequestId(4)), request(RequestId(5)), request(RequestId(6))];
     let ends: [&[Action<'_>]; 11] = [
-        &[Action::Transmit { mark: MarkId(0), bytes: &too_much }],
+        &[Action::Transmit { mark: MarkId::NONE, bytes: &too_much }],
         // Eight bytes of the twenty are not put away yet.
         &[Action::Deliver { delivery: DeliveryId(5), bytes: &too_much[..13] }],
         &many,
         &[request(RequestId(2))],
         &[Action::Want { job: JobId(2), bytes: 1 }],
         &[Action::JobDone { job: JobId(1), sent: 0 }, Action::Want { job: JobId(1), bytes: 1 }],
-        &[Action::DeliveryBegin { delivery: DeliveryId(6), job: JobId(0) }],
+        &[Action::DeliveryBegin { delivery: DeliveryId(6), job: JobId::NONE }],
         &[Action::DeliveryEnd { delivery: DeliveryId(6), failure: None, status: 0 }],
         &[Action::CheckResult { job: JobId(1), failure: None, status: 0, line: 0, column: 0 }],
         &[Action::Saved { format: 1, offset: 0, total: 0, bytes: b"" }],

@@ -164,7 +164,7 @@ impl<'a> Context<'a> {
 
     /// Sends up to 16 bytes ahead of queue and hold.
     pub fn transmit_urgent(&mut self, bytes: &[u8]) {
-        self.push(&Action::TransmitUrgent { mark: MarkId(0), bytes });
+        self.push(&Action::TransmitUrgent { mark: MarkId::NONE, bytes });
     }
 
     /// Sends up to 16 bytes ahead of queue and hold, with a mark.

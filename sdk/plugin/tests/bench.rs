@@ -35,18 +35,18 @@ impl Converter for Relay {
     const STATE_FORMAT: Option<u16> = Some(1);
 
     fn new(settings: Settings) -> Self {
-        Self { burst: settings.burst as u32, job: JobId(0), sent: 0, delivery: DeliveryId(0) }
+        Self { burst: settings.burst as u32, job: JobId::NONE, sent: 0, delivery: DeliveryId::NONE }
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         for byte in bytes {
-            if self.delivery == DeliveryId(0) {
+            if self.delivery == DeliveryId::NONE {
                 self.delivery = DeliveryId(1);
-                link.delivery_begin(DeliveryId(1), JobId(0));
+                link.delivery_begin(DeliveryId(1), JobId::NONE);
             }
             if *byte == b'.' {
                 link.delivery_end(DeliveryId(1), None, 0);
-                self.delivery = DeliveryId(0);
+                self.delivery = DeliveryId::NONE;
             } else if link.delivery_room() > 0 {
                 link.deliver(DeliveryId(1), &[*byte]);
             } else {

@@ -35,7 +35,7 @@ impl Converter for Probe {
                 link.transmit_marked(MarkId(1), b"12345");
             }
             b"deliver" => {
-                link.delivery_begin(DeliveryId(1), JobId(0));
+                link.delivery_begin(DeliveryId(1), JobId::NONE);
                 link.deliver(DeliveryId(1), &[b'x'; 33]);
             }
             b"flood" => (0..5_000).for_each(|_| link.hold()),
@@ -163,10 +163,10 @@ fn malformed_events_are_refused_and_change_nothing() {
     let values = || Values::new(&broken);
     let events = [
         Event::Received(&[]),
-        Event::Mark { mark: MarkId(0), state: MarkState::SurelyLeft },
+        Event::Mark { mark: MarkId::NONE, state: MarkState::SurelyLeft },
         Event::Timer { id: 16, deadline: Micros::ZERO },
         Event::JobData { job: JobId(1), bytes: &[] },
-        Event::JobEnd { job: JobId(0) },
+        Event::JobEnd { job: JobId::NONE },
         Event::Restore { format: 3, offset: 2, total: 2, bytes: &[1] },
         Event::Settings { first: true, last: true, values: values() },
     ];
@@ -229,7 +229,7 @@ fn a_save_that_is_cut_off_leaves_nothing_behind() {
     native.step(&Event::Received(b"again"), Micros::ZERO).unwrap();
     let output = native.step(&Event::Continue, Micros::ZERO).unwrap();
     let actions: Vec<_> = Actions::new(output.actions).collect();
-    assert_eq!(actions, [Ok(Action::Transmit { mark: MarkId(0), bytes: &[2] })]);
+    assert_eq!(actions, [Ok(Action::Transmit { mark: MarkId::NONE, bytes: &[2] })]);
 }
 
 #[test]

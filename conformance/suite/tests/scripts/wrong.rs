@@ -158,7 +158,7 @@ fn spoil(wrong: Wrong, action: &Action<'_>, writer: &mut ActionWriter<'_>) {
         }
         Action::TransmitUrgent { .. } if wrong == Wrong::Mute => {}
         Action::Transmit { mark, bytes } if wrong == Wrong::Doubled => {
-            push(&Action::Transmit { mark: MarkId(0), bytes });
+            push(&Action::Transmit { mark: MarkId::NONE, bytes });
             push(&Action::Transmit { mark, bytes });
         }
         Action::Transmit { mark, bytes } if wrong == Wrong::Altered => {
@@ -166,7 +166,7 @@ fn spoil(wrong: Wrong, action: &Action<'_>, writer: &mut ActionWriter<'_>) {
         }
         Action::Transmit { mark, .. } if wrong == Wrong::Greedy => {
             for _ in 0..40 {
-                push(&Action::Transmit { mark: MarkId(0), bytes: &[b'X'; 2_000] });
+                push(&Action::Transmit { mark: MarkId::NONE, bytes: &[b'X'; 2_000] });
             }
             push(&Action::Transmit { mark, bytes: &[] });
         }

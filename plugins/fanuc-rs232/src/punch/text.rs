@@ -59,7 +59,7 @@ impl Text {
         self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
         self.delivery = self.last_delivery;
         self.named = 0;
-        link.delivery_begin(DeliveryId(self.delivery), JobId(0));
+        link.delivery_begin(DeliveryId(self.delivery), JobId::NONE);
         self.put(link, b'%');
     }
 

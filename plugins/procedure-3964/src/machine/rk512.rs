@@ -68,7 +68,7 @@ impl Rk512 {
     pub(crate) const fn new() -> Self {
         Self {
             to_do: 0,
-            reading: DeliveryId(0),
+            reading: DeliveryId::NONE,
             reaction_until: NEVER,
             asked: Header([0; HEADER]),
             offset: 0,
@@ -76,7 +76,7 @@ impl Rk512 {
             piece: 0,
             is_next: false,
             turn: Turn::Acknowledged,
-            last_request: RequestId(0),
+            last_request: RequestId::NONE,
             answer_until: NEVER,
             reaction: Block::new(),
             reaction_ready: false,
@@ -85,7 +85,7 @@ impl Rk512 {
 
     /// Whether a delivery is under way: one of what a job reads.
     pub(crate) fn is_delivering(&self) -> bool {
-        self.reading != DeliveryId(0)
+        self.reading != DeliveryId::NONE
     }
 
     /// The partner is gone: what it asked for no longer matters.
@@ -98,7 +98,7 @@ impl Rk512 {
     fn forget_request(&mut self, link: &mut Context<'_>) {
         if self.answer_until != NEVER {
             self.answer_until = NEVER;
-            link.withdraw(RequestId(self.last_request.0));
+            link.withdraw(self.last_request);
         }
     }
 }

@@ -227,18 +227,15 @@ impl LaneHost {
     }
 
     fn begin_delivery(&mut self, now: Micros, id: DeliveryId, job: JobId) {
-        let is_for_client = job == JobId(0) || job >= JobId(ENDPOINT_JOBS);
+        let is_for_client = job == JobId::NONE || job >= JobId(ENDPOINT_JOBS);
         let client = self.endpoint.as_ref().filter(|lane| lane.endpoint.takes_deliveries());
         let to = if is_for_client && client.is_some() {
             None
         } else {
             let (writer, bytes) = reservoir(self.delivery_room, 0, self.delivery_room);
             writer.wake_with(self.wake.clone());
-            let job = Some(job).filter(|job| *job != JobId(0));
-            self.tell_of_action(
-                now,
-                Report::DeliveryBegun { delivery: DeliveryId(id.0), job, bytes },
-            );
+            let job = Some(job).filter(|job| *job != JobId::NONE);
+            self.tell_of_action(now, Report::DeliveryBegun { delivery: id, job, bytes });
             Some(writer)
         };
         if self.deliveries.len() >= DELIVERIES {
@@ -275,8 +272,7 @@ impl LaneHost {
         match &mut delivery.to {
             Some(to) => {
                 to.finish();
-                let end =
-                    Report::DeliveryEnded { delivery: DeliveryId(id.0), failure, status, bytes };
+                let end = Report::DeliveryEnded { delivery: id, failure, status, bytes };
                 self.tell_of_action(now, end);
             }
             None => {

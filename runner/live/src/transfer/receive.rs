@@ -81,7 +81,7 @@ pub fn receive<I: Instance>(
         let now = station.now();
         if stop.load(Ordering::Relaxed) || catch.error.is_some() {
             let was_under_way = station.link().has_delivery();
-            station.abort(JobId(0), &mut catch)?;
+            station.abort(JobId::NONE, &mut catch)?;
             if was_under_way {
                 tell_the_partner(station, &mut catch)?;
             }
@@ -124,7 +124,7 @@ pub fn receive<I: Instance>(
         }
     }
     if catch.unasked.is_taking() {
-        station.abort(JobId(0), &mut catch)?;
+        station.abort(JobId::NONE, &mut catch)?;
     }
     let heard = station.counters().bytes_in;
     station.close(PATIENCE, &mut catch)?;

@@ -189,7 +189,7 @@ pub fn ask<I: Instance>(
         }
     }
     if feed.unasked.is_taking() {
-        station.abort(JobId(0), &mut feed)?;
+        station.abort(JobId::NONE, &mut feed)?;
     }
     station.close(PATIENCE, &mut feed)?;
     feed.unasked.close();

@@ -135,12 +135,7 @@ impl Arrivals {
                     failure
                 };
                 let bytes = size - arriving.from.min(size);
-                reports.push(Report::DeliveryEnded {
-                    delivery: DeliveryId(delivery.0),
-                    failure,
-                    status,
-                    bytes,
-                });
+                reports.push(Report::DeliveryEnded { delivery, failure, status, bytes });
                 return false;
             }
             if stored > arriving.told {
@@ -165,12 +160,7 @@ impl Arrivals {
                 arriving.writer.finish();
                 let failure = Some(Failure::Interrupted);
                 let bytes = arriving.came - arriving.from;
-                Report::DeliveryEnded {
-                    delivery: DeliveryId(delivery.0),
-                    failure,
-                    status: 0,
-                    bytes,
-                }
+                Report::DeliveryEnded { delivery, failure, status: 0, bytes }
             })
             .collect()
     }

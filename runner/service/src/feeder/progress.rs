@@ -28,7 +28,7 @@ impl Progress {
     /// The byte before which all has left, at a moment when nothing was on its way; none while the
     /// lane does something else.
     pub(super) fn drained(&self) -> Option<u64> {
-        Some(self.from + self.status.drained(JobId(self.job.0))?)
+        Some(self.from + self.status.drained(self.job)?)
     }
 
     /// What has surely left, if that is to be written down now.

@@ -85,7 +85,7 @@ impl Control {
         self.block_finder.is_looking = false;
         for (link, job, block) in found {
             let running = self.links.get_mut(&link).and_then(|link| link.job.as_mut());
-            if let Some(running) = running.filter(|running| running.job.id == JobId(job.0)) {
+            if let Some(running) = running.filter(|running| running.job.id == job) {
                 running.block = Some(block);
             }
         }

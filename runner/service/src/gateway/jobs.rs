@@ -101,7 +101,7 @@ impl Control {
             rate: Rate::default(),
             block: None,
         });
-        let lane_job = LaneJob { id: JobId(job.id.0), kind, size, fields, check };
+        let lane_job = LaneJob { id: job.id, kind, size, fields, check };
         let lane = link.lane_id();
         self.drivers.tell(lane, Command::Begin(Feed { job: lane_job, source }));
         Ok(())
@@ -178,7 +178,7 @@ impl Control {
             running.is_check = false;
         }
         let lane = link.lane_id();
-        self.drivers.tell(lane, Command::Refill { job: JobId(id.0), source });
+        self.drivers.tell(lane, Command::Refill { job: id, source });
     }
 
     /// What the feeder tells: the disk, or what is written on it.

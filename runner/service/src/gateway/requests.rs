@@ -141,7 +141,7 @@ impl Control {
                 link.requests.insert(asked.request, Some(job.id));
                 let lane = link.lane_id();
                 let (request, answer) = (asked.request, Ok(Vec::new()));
-                self.drivers.tell(lane, Command::Answer { request: RequestId(request.0), answer });
+                self.drivers.tell(lane, Command::Answer { request, answer });
                 if let Some(running) = &mut link.job {
                     running.ends_as =
                         EndsAs::Interrupted("another program was asked for at the panel");
@@ -157,7 +157,7 @@ impl Control {
                 link.requests.remove(&asked.request);
                 let lane = link.lane_id();
                 let (request, answer) = (asked.request, Ok(bytes));
-                self.drivers.tell(lane, Command::Answer { request: RequestId(request.0), answer });
+                self.drivers.tell(lane, Command::Answer { request, answer });
                 let text = asked.text();
                 self.shared.parts.journal_writer.link(Subject::Request, Weight::Normal, name, text);
             }
@@ -169,7 +169,7 @@ impl Control {
         link.requests.remove(&asked.request);
         let lane = link.lane_id();
         let (request, answer) = (asked.request, Err(failure));
-        self.drivers.tell(lane, Command::Answer { request: RequestId(request.0), answer });
+        self.drivers.tell(lane, Command::Answer { request, answer });
         let text = format!("{}; refused: {}", asked.text(), failure.text());
         self.shared.parts.journal_writer.link(Subject::Request, Weight::Warning, name, text);
     }
@@ -178,8 +178,8 @@ impl Control {
     pub(super) fn withdrawn(&mut self, name: &str, request: RequestId) {
         let Some(link) = self.links.get_mut(name) else { return };
         let Some(Some(job)) = link.requests.remove(&request) else { return };
-        if link.job.as_ref().is_none_or(|running| running.job.id != JobId(job.0))
-            && let Ok(job) = self.shared.parts.jobs.reader().job(JobId(job.0))
+        if link.job.as_ref().is_none_or(|running| running.job.id != job)
+            && let Ok(job) = self.shared.parts.jobs.reader().job(job)
         {
             self.drop_job(&job);
         }

@@ -66,7 +66,7 @@ impl Jobs {
             change.jobs.push(Job { extent, passed, ..job });
         }
         for id in step.started {
-            let mut job = live(&store, JobId(id.0), Step::Begin)?;
+            let mut job = live(&store, id, Step::Begin)?;
             job.spec.start = Some(Start::Given);
             change.notes.push(note(&job, format!("job {id} is started by its cell")));
             change.jobs.push(job);

@@ -186,7 +186,7 @@ impl JobStore {
                     jobs.put(job, known(job.id))?;
                 }
                 for (id, stops) in &change.stops {
-                    jobs.put_stops(JobId(id.0), stops)?;
+                    jobs.put_stops(*id, stops)?;
                 }
                 if let Some((name, cell)) = &change.cell {
                     writing.open_table(CELLS)?.insert(&**name, &**cell)?;

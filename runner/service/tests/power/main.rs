@@ -124,7 +124,7 @@ fn lose_power(seed: u64) {
         drop(jobs);
         disk = disk.after_power_loss();
         let jobs = open(&disk).unwrap_or_else(|error| panic!("seed {seed}, life {life}: {error}"));
-        let highest = acknowledged.keys().last().copied().unwrap_or(JobId(0));
+        let highest = acknowledged.keys().last().copied().unwrap_or(JobId::NONE);
         for (id, known) in &mut acknowledged {
             let found = match jobs.reader().job(*id) {
                 Ok(found) => found,

@@ -117,7 +117,7 @@ impl Feed {
         self.buffer.clear();
         self.active = Some(Active {
             job,
-            of_link: JobId(of_link.0),
+            of_link,
             pass: 0,
             fed: Fed::default(),
             has_failed: false,
@@ -205,7 +205,7 @@ impl Feed {
 
     /// The check was good: the data comes once more.
     pub(crate) fn rewind(&mut self, of_link: JobId, outbox: &mut Outbox) {
-        let Some(active) = self.of_link(JobId(of_link.0)) else { return };
+        let Some(active) = self.of_link(of_link) else { return };
         (active.pass, active.fed, active.taken) = (1, Fed::default(), 0);
         active.is_hungry = false;
         let job = active.job;

@@ -88,7 +88,7 @@ impl<C: AsRef<[u8]>> Lane<C> {
         self.tell_left(now);
         self.link.run(now, host)?;
         for request in core::mem::take(&mut host.refused) {
-            self.link.answer(now, RequestId(request.0), Err(Failure::TooLong), host)?;
+            self.link.answer(now, request, Err(Failure::TooLong), host)?;
         }
         self.send(board, now, host, counters)?;
         counters.holds.set(now, self.link.hold() == HoldState::Held);

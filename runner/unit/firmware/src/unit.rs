@@ -284,7 +284,7 @@ impl<B: Board> Unit<B> {
                 });
             }
             ToUnit::Abort { job: 0, .. } => {
-                self.ask(|lane, now, host| lane.link.abort(now, JobId(0), host));
+                self.ask(|lane, now, host| lane.link.abort(now, JobId::NONE, host));
             }
             ToUnit::Abort { job, .. } => self.abort(job),
             ToUnit::Noted { job, .. } => self.host.feed.noted(job),
@@ -419,7 +419,7 @@ impl<B: Board> Unit<B> {
         let of_link = self.host.requests.remove(at).of_link;
         let refused = refused.or(is_too_long.then_some(Failure::TooLong));
         let answer = refused.map_or(Ok(&so_far[..]), Err);
-        self.ask(|lane, now, host| lane.link.answer(now, RequestId(of_link.0), answer, host));
+        self.ask(|lane, now, host| lane.link.answer(now, of_link, answer, host));
     }
 }
 

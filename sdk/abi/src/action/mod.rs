@@ -336,7 +336,7 @@ impl<'a> Action<'a> {
         let action = match kind {
             kind::TRANSMIT => {
                 let (mark, bytes) = (MarkId(r.u32()), r.rest());
-                if mark == MarkId(0) && bytes.is_empty() {
+                if mark == MarkId::NONE && bytes.is_empty() {
                     r.fail(MalformedReason::Truncated);
                 }
                 Self::Transmit { mark, bytes }

@@ -123,7 +123,7 @@ impl<'a> ActionWriter<'a> {
     #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub fn push(&mut self, action: &Action<'_>) -> Result<(), NoSpace> {
         match action {
-            Action::Transmit { mark: MarkId(0), bytes } => return self.transmit(bytes),
+            Action::Transmit { mark: MarkId::NONE, bytes } => return self.transmit(bytes),
             Action::Deliver { delivery, bytes } => return self.deliver(*delivery, bytes),
             Action::SetTimer { id, deadline } => return self.set_timer(*id, *deadline),
             Action::Want { job, bytes } => return self.want(*job, *bytes),

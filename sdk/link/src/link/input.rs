@@ -89,7 +89,7 @@ impl<I: Instance> Link<I> {
         let is_later = now > self.now;
         self.begin_instant(now);
         while let Some((mark, state)) = is_later.then(|| self.core.queue.next_mark()).flatten() {
-            self.step(&Event::Mark { mark: MarkId(mark.0), state }, host)?;
+            self.step(&Event::Mark { mark, state }, host)?;
         }
         self.steps = 0;
         Ok(())

@@ -31,7 +31,7 @@ impl<I: Instance> Link<I> {
             None => too_long.then_some(Failure::BadJob),
         };
         if let Some(failure) = failure {
-            let refused = Action::JobFailed { job: JobId(job.id.0), failure, status: 0, sent: 0 };
+            let refused = Action::JobFailed { job: job.id, failure, status: 0, sent: 0 };
             host.handle(self.now, &refused);
             return Ok(());
         }
@@ -49,7 +49,7 @@ impl<I: Instance> Link<I> {
         let Job { id, kind, size, fields, .. } = active.job.clone();
         let pass = active.pass;
         let fields = Values::new(&fields);
-        self.step(&Event::JobBegin { job: JobId(id.0), kind, pass, size, fields }, host)
+        self.step(&Event::JobBegin { job: id, kind, pass, size, fields }, host)
     }
 
     /// Asks for a pause of the job.
@@ -92,7 +92,7 @@ impl<I: Instance> Link<I> {
     ) -> Result<(), LinkFault<I::Fault>> {
         self.run(now, host)?;
         self.steps = 0;
-        if job != JobId(0) && self.job() != Some(job) {
+        if job != JobId::NONE && self.job() != Some(job) {
             return Ok(());
         }
         self.step(event, host)?;

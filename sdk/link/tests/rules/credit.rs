@@ -5,14 +5,14 @@ use softplug_abi::{Action, DeliveryId, Failure, JobId, MarkId, RequestId, Values
 use softplug_link::RuleBroken;
 
 fn transmit(bytes: &[u8]) -> Action<'_> {
-    Action::Transmit { mark: MarkId(0), bytes }
+    Action::Transmit { mark: MarkId::NONE, bytes }
 }
 
 fn deliver(bytes: &[u8]) -> Action<'_> {
     Action::Deliver { delivery: DeliveryId(1), bytes }
 }
 
-const BEGIN: Action<'static> = Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) };
+const BEGIN: Action<'static> = Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId::NONE };
 
 /// How much room events that begin so have given.
 fn grown(events: &[String], name: &str) -> u32 {
@@ -31,7 +31,7 @@ fn credit_exceeded() {
     let over = |asked, room| RuleBroken::TransmitRoom { asked, room };
     rig().does(
         0,
-        &[transmit(&eight), Action::TransmitUrgent { mark: MarkId(0), bytes: &[b'u'; 16] }],
+        &[transmit(&eight), Action::TransmitUrgent { mark: MarkId::NONE, bytes: &[b'u'; 16] }],
     );
     assert_eq!(rig().breaks(0, &[transmit(&[b'x'; 9])]), over(9, 8));
     assert_eq!(rig().breaks(0, &[transmit(b"12345"), transmit(b"6789")]), over(4, 3));
@@ -101,7 +101,7 @@ fn credit_memory() {
     rig.does(20, &[Action::DeliveryEnd { delivery: DeliveryId(1), failure, status: 7 }]);
 
     // The plug-in ends in the middle of the next one.
-    let begin = Action::DeliveryBegin { delivery: DeliveryId(2), job: JobId(0) };
+    let begin = Action::DeliveryBegin { delivery: DeliveryId(2), job: JobId::NONE };
     rig.does(30, &[begin, Action::Deliver { delivery: DeliveryId(2), bytes: b"ef" }]);
     rig.breaks(40, &[Action::Deliver { delivery: DeliveryId(2), bytes: b"gh" }, BEGIN]);
 
@@ -139,7 +139,7 @@ fn credit_outstanding() {
     again.until(65_000);
     again.does(65_000, &marked(64));
 
-    let urgent = |bytes| Action::TransmitUrgent { mark: MarkId(0), bytes };
+    let urgent = |bytes| Action::TransmitUrgent { mark: MarkId::NONE, bytes };
     let pause = Action::Break { micros: 1 };
     rig().does(0, &[urgent(&[b'u'; 16])]);
     rig().does(0, &[urgent(&[b'u'; 15]), pause.clone()]);

@@ -119,7 +119,7 @@ fn ids_one_each() {
     for action in other_delivery {
         assert_eq!(rig().breaks(10, std::slice::from_ref(&action)), no_delivery, "{action:?}");
     }
-    let second = Action::DeliveryBegin { delivery: DeliveryId(9), job: JobId(0) };
+    let second = Action::DeliveryBegin { delivery: DeliveryId(9), job: JobId::NONE };
     assert_eq!(rig().breaks(10, &[second]), RuleBroken::DeliveryUnderWay(DeliveryId(9)));
     let ended =
         [Action::JobDone { job: JobId(5), sent: 0 }, Action::Want { job: JobId(5), bytes: 1 }];
@@ -151,7 +151,7 @@ fn ids_without_job() {
         rig.does(
             i64::from(delivery),
             &[
-                Action::DeliveryBegin { delivery: DeliveryId(delivery), job: JobId(0) },
+                Action::DeliveryBegin { delivery: DeliveryId(delivery), job: JobId::NONE },
                 Action::Deliver { delivery: DeliveryId(delivery), bytes: b"%" },
                 Action::DeliveryName { delivery: DeliveryId(delivery), name: "first" },
                 Action::DeliveryName { delivery: DeliveryId(delivery), name: "O0001" },
@@ -167,11 +167,11 @@ fn ids_without_job() {
     assert_eq!(kept, [named(3), named(1), named(3)]);
 
     // The host can ask for the end of one.
-    rig.does(10, &[Action::DeliveryBegin { delivery: DeliveryId(4), job: JobId(0) }]);
+    rig.does(10, &[Action::DeliveryBegin { delivery: DeliveryId(4), job: JobId::NONE }]);
     let failure = Some(Failure::Aborted);
     rig.script
         .once("abort 0", &[Action::DeliveryEnd { delivery: DeliveryId(4), failure, status: 0 }]);
-    rig.host(20, |link, out| link.abort(Micros(20), JobId(0), out));
+    rig.host(20, |link, out| link.abort(Micros(20), JobId::NONE, out));
     assert_eq!(rig.out.deliveries().last().unwrap().failure, failure);
 }
 
@@ -221,7 +221,7 @@ fn data_pause() {
     let mut rig = Rig::new(rooms(64, 64), 1);
     rig.script.on("job-begin", &[Action::Want { job: JobId(1), bytes: 2 }]);
     rig.begin(0, 1, b"abcdef", false);
-    rig.does(0, &[Action::Transmit { mark: MarkId(0), bytes: b"ABCD" }]);
+    rig.does(0, &[Action::Transmit { mark: MarkId::NONE, bytes: b"ABCD" }]);
     rig.given();
     rig.host(500, |link, out| link.pause(Micros(500), JobId(1), out));
     rig.does(600, &[Action::Want { job: JobId(1), bytes: 2 }]);
@@ -261,7 +261,7 @@ fn check_sequence() {
     rig.script.once(
         "job-end 1",
         &[
-            Action::Transmit { mark: MarkId(0), bytes: b"A" },
+            Action::Transmit { mark: MarkId::NONE, bytes: b"A" },
             Action::JobDone { job: JobId(1), sent: 1 },
         ],
     );

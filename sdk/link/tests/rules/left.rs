@@ -126,7 +126,7 @@ fn left_empty_transmit() {
     let empty = |mark| Action::Transmit { mark, bytes: b"" };
     let mut rig = Rig::new(rooms(4, 64), 2);
     // On the last byte of the queue.
-    rig.does(0, &[Action::Transmit { mark: MarkId(0), bytes: b"ABC" }, empty(MarkId(1))]);
+    rig.does(0, &[Action::Transmit { mark: MarkId::NONE, bytes: b"ABC" }, empty(MarkId(1))]);
     rig.until(2_500);
     rig.given();
     rig.until(3_000);
@@ -137,7 +137,7 @@ fn left_empty_transmit() {
     assert_given!(rig, [(5_000, "mark 2 maybe-left"), (5_000, "mark 2 surely-left")]);
 
     // Nothing is queued but the port holds two: with the second of them.
-    rig.does(6_000, &[Action::Transmit { mark: MarkId(0), bytes: b"DE" }]);
+    rig.does(6_000, &[Action::Transmit { mark: MarkId::NONE, bytes: b"DE" }]);
     rig.does(6_500, &[empty(MarkId(3))]);
     rig.given();
     rig.until(9_000);

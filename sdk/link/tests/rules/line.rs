@@ -44,7 +44,7 @@ fn line_unaltered() {
     let line = LineParameters { data_bits: 7, parity: Parity::Even, ..LineParameters::new(9_600) };
     for line in [LineParameters::new(9_600), line, LineParameters::new(0)] {
         let mut rig = Rig::new(LinkOptions { line, ..rooms(256, 256) }, 4);
-        rig.does(0, &[Action::Transmit { mark: MarkId(0), bytes: &all }]);
+        rig.does(0, &[Action::Transmit { mark: MarkId::NONE, bytes: &all }]);
         rig.given();
         rig.receive(100, &[&all]).unwrap();
         let received = format!("received \"{}\"", all.escape_ascii());
@@ -210,7 +210,7 @@ fn close_as_new() {
     let wire: Vec<u8> = rig.wire().into_iter().map(|(_, byte)| byte).collect();
     assert_eq!(wire, b"AEFGHIJKL");
     // The ids of before are free.
-    rig.does(21_000, &[Action::DeliveryBegin { delivery: DeliveryId(2), job: JobId(0) }]);
+    rig.does(21_000, &[Action::DeliveryBegin { delivery: DeliveryId(2), job: JobId::NONE }]);
     rig.begin(22_000, 6, b"", false);
     assert_eq!(rig.line.link.job(), Some(JobId(6)));
     // Data that was asked for before is not given now.

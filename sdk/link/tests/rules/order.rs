@@ -20,7 +20,7 @@ fn order_instant() {
         &[
             Action::Transmit { mark: MarkId(1), bytes: b"A" },
             Action::Transmit { mark: MarkId(2), bytes: b"BC" },
-            Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) },
+            Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId::NONE },
             Action::Deliver { delivery: DeliveryId(1), bytes: b"12345678" },
             Action::SetTimer { id: 3, deadline: Micros(1_000) },
         ],
@@ -71,7 +71,7 @@ fn order_instant() {
 fn order_transmitter_last() {
     let mut rig = Rig::new(rooms(64, 64), 1);
     rig.does(0, &[Action::Hold, Action::Transmit { mark: MarkId(1), bytes: b"A" }]);
-    rig.does(10, &[Action::Transmit { mark: MarkId(0), bytes: b"B" }]);
+    rig.does(10, &[Action::Transmit { mark: MarkId::NONE, bytes: b"B" }]);
     rig.script.on("received \"Q\"", &[Action::Release]);
     rig.script.on("received \"S\"", &[Action::Hold]);
 
@@ -87,7 +87,7 @@ fn order_transmitter_last() {
     assert_eq!(rig.wire(), [(200, b'A')]);
 
     // XOFF at the instant at which the wire comes free.
-    rig.does(10_000, &[Action::Release, Action::Transmit { mark: MarkId(0), bytes: b"CD" }]);
+    rig.does(10_000, &[Action::Release, Action::Transmit { mark: MarkId::NONE, bytes: b"CD" }]);
     rig.receive(11_000, &[b"S"]).unwrap();
     rig.until(20_000);
     assert_eq!(rig.wire(), [(200, b'A'), (10_000, b'B')]);
@@ -133,7 +133,7 @@ impl Instance for Relay {
             Event::TransmitRoom { grown } => self.room += grown,
             Event::Received(bytes) => {
                 if !std::mem::replace(&mut self.began, true) {
-                    put(Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) });
+                    put(Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId::NONE });
                 }
                 for byte in *bytes {
                     match byte {
@@ -141,7 +141,7 @@ impl Instance for Relay {
                         b'Q' => put(Action::Release),
                         _ if self.room > 0 => {
                             self.room -= 1;
-                            put(Action::Transmit { mark: MarkId(0), bytes: &[*byte] });
+                            put(Action::Transmit { mark: MarkId::NONE, bytes: &[*byte] });
                             put(Action::Deliver { delivery: DeliveryId(1), bytes: &[*byte] });
                         }
                         _ => put(Action::Note { level: NoteLevel::Error, code: 0, text: "lost" }),
@@ -211,7 +211,7 @@ fn output_continue_first() {
     let timer = Action::SetTimer { id: 1, deadline: Micros(10) };
     rig.script
         .once_more("received \"x\"", &[Action::Transmit { mark: MarkId(1), bytes: b"A" }, timer]);
-    rig.script.once_more("continue", &[Action::Transmit { mark: MarkId(0), bytes: b"B" }]);
+    rig.script.once_more("continue", &[Action::Transmit { mark: MarkId::NONE, bytes: b"B" }]);
     rig.script.once("continue", &[Action::Hold]);
     rig.receive(100, &[b"x"]).unwrap();
     rig.until(5_000);
@@ -238,7 +238,7 @@ fn output_rounds() {
     for _ in 0..255 {
         rig.script.once_more("continue", &[]);
     }
-    rig.script.once("continue", &[Action::Transmit { mark: MarkId(0), bytes: b"A" }]);
+    rig.script.once("continue", &[Action::Transmit { mark: MarkId::NONE, bytes: b"A" }]);
     rig.receive(10, &[b"x"]).unwrap();
     let continued = rig.events().iter().filter(|event| *event == "continue").count();
     assert_eq!(continued, 256);

@@ -91,7 +91,7 @@ fn swap_probation() {
     let mut rig = Rig::new(rooms(64, 64), 1);
     rig.script.on("save", &[saved(0, 0, b"")]);
     rig.begin(0, 1, b"data", false);
-    rig.does(0, &[Action::Transmit { mark: MarkId(0), bytes: b"ABC" }]);
+    rig.does(0, &[Action::Transmit { mark: MarkId::NONE, bytes: b"ABC" }]);
     let next = Script::default();
     next.refuse("received");
     swap(&mut rig, 10, &next).unwrap();
@@ -151,7 +151,7 @@ fn on_probation(accepted: u16) -> (Rig, Script) {
     let mut rig = Rig::new(rooms(64, 64), 1);
     rig.script.on("save", &[saved(0, 0, b"")]);
     rig.begin(0, 1, b"data", false);
-    rig.does(0, &[Action::Transmit { mark: MarkId(0), bytes: b"ABC" }]);
+    rig.does(0, &[Action::Transmit { mark: MarkId::NONE, bytes: b"ABC" }]);
     let (next, spare) = (Script::default(), Script::default());
     next.on("save", &[saved(0, 2, b"NX")]);
     next.refuse("received \"x\"");

@@ -130,7 +130,7 @@ fn swap_link_keeps() {
             Action::Deliver { delivery: DeliveryId(4), bytes: b"new" },
             Action::DeliveryEnd { delivery: DeliveryId(4), failure: None, status: 0 },
             // Exactly the room that it was told.
-            Action::Transmit { mark: MarkId(0), bytes: &[b'x'; 11] },
+            Action::Transmit { mark: MarkId::NONE, bytes: &[b'x'; 11] },
         ],
     );
     link.received(Micros(50), b"Q", &mut out).unwrap();
@@ -200,7 +200,7 @@ fn story(saves: bool) -> (Vec<Seen>, Vec<(i64, String)>) {
         &[
             Action::Transmit { mark: MarkId(1), bytes: b"ABCDE" },
             Action::Transmit { mark: MarkId(2), bytes: b"FG" },
-            Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId(0) },
+            Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId::NONE },
             Action::Deliver { delivery: DeliveryId(1), bytes: b"1234" },
             Action::SetTimer { id: 1, deadline: Micros(3_000) },
             Action::Request { request: RequestId(1), kind: 0, fields: Values::new(b"") },

@@ -6,11 +6,11 @@ use softplug_abi::{Action, MarkId};
 use softplug_link::Observed;
 
 fn transmit(bytes: &[u8]) -> Action<'_> {
-    Action::Transmit { mark: MarkId(0), bytes }
+    Action::Transmit { mark: MarkId::NONE, bytes }
 }
 
 fn urgent(bytes: &[u8]) -> Action<'_> {
-    Action::TransmitUrgent { mark: MarkId(0), bytes }
+    Action::TransmitUrgent { mark: MarkId::NONE, bytes }
 }
 
 #[test]

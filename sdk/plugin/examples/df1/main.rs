@@ -113,7 +113,7 @@ impl Converter for Df1 {
             last: NAK,
             taken: [0; 4],
             has_taken: false,
-            delivery: DeliveryId(0),
+            delivery: DeliveryId::NONE,
             name: StateName::new(),
             unread: Unread::new(),
         }
@@ -183,7 +183,7 @@ impl Converter for Df1 {
 
     fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         // 0 is the delivery under way; here each begins and ends in one event.
-        if job != JobId(0) {
+        if job != JobId::NONE {
             self.timers.cancel(link, Timer::Answer);
             self.sender.cut(link, Failure::Aborted);
         }
@@ -285,7 +285,7 @@ impl Df1 {
         if self.last == ACK && !is_again {
             (self.taken, self.has_taken) = (head, true);
             self.delivery = self.delivery.next();
-            link.delivery_begin(self.delivery, JobId(0));
+            link.delivery_begin(self.delivery, JobId::NONE);
             link.deliver(self.delivery, text);
             link.delivery_end(self.delivery, None, 0);
         }

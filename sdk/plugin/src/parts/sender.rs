@@ -137,7 +137,7 @@ impl<const DATA: usize> BlockSender<DATA> {
     #[allow(clippy::new_without_default, reason = "it is below, and this is const")]
     pub const fn new() -> Self {
         Self {
-            job: JobId(0),
+            job: JobId::NONE,
             stopping: None,
             is_cut: false,
             is_paused: false,
@@ -147,7 +147,7 @@ impl<const DATA: usize> BlockSender<DATA> {
             has_ended: false,
             given: 0,
             repeats: 0,
-            mark: MarkId(0),
+            mark: MarkId::NONE,
             has_left: false,
             sent: 0,
             ahead: 0,
@@ -157,7 +157,7 @@ impl<const DATA: usize> BlockSender<DATA> {
 
     /// Takes a job. While there is another one it fails as busy, and this is `false`.
     pub fn begin(&mut self, link: &mut Context<'_>, job: JobId) -> bool {
-        let is_free = self.job == JobId(0);
+        let is_free = self.job == JobId::NONE;
         if is_free {
             self.forget();
             self.job = job;
@@ -174,7 +174,7 @@ impl<const DATA: usize> BlockSender<DATA> {
 
     /// Whether there is a job, and it has not failed.
     pub fn is_active(&self) -> bool {
-        self.job != JobId(0) && self.stopping.is_none()
+        self.job != JobId::NONE && self.stopping.is_none()
     }
 
     /// Why the job fails, as soon as it is known how much of it has left.
@@ -382,7 +382,7 @@ impl<const DATA: usize> BlockSender<DATA> {
 
     /// The job fails at once, if there is one.
     pub fn fail(&mut self, link: &mut Context<'_>, failure: Failure) {
-        if self.job != JobId(0) {
+        if self.job != JobId::NONE {
             link.job_failed(self.job, failure, 0, self.sent);
             self.forget();
         }

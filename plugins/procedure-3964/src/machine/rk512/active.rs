@@ -31,7 +31,7 @@ impl Machine {
             }
             None => {
                 // One byte more shows that it is longer than one telegram.
-                link.want(JobId(self.job.id.0), u32::from(LARGEST_DATA) + 1);
+                link.want(self.job.id, u32::from(LARGEST_DATA) + 1);
             }
         }
         Ok(())
@@ -51,7 +51,7 @@ impl Machine {
     }
 
     fn want_piece(&mut self, link: &mut Context<'_>) {
-        link.want(JobId(self.job.id.0), self.piece());
+        link.want(self.job.id, self.piece());
     }
 
     /// Data bytes of the telegram under way.
@@ -130,12 +130,12 @@ impl Machine {
             return Err(WRONG_REACTION);
         }
         if expected > 0 {
-            if self.rk512.reading == DeliveryId(0) {
+            if self.rk512.reading == DeliveryId::NONE {
                 self.last_delivery = self.last_delivery.next();
                 self.rk512.reading = self.last_delivery;
-                link.delivery_begin(DeliveryId(self.rk512.reading.0), JobId(self.job.id.0));
+                link.delivery_begin(self.rk512.reading, self.job.id);
             }
-            link.deliver(DeliveryId(self.rk512.reading.0), data);
+            link.deliver(self.rk512.reading, data);
         }
         self.rk512.to_do -= piece;
         if self.rk512.to_do == 0 {
@@ -158,10 +158,10 @@ impl Machine {
     /// Ends the delivery of what is read, if there is one.
     pub(crate) fn end_reading(&mut self, link: &mut Context<'_>, cause: Option<Cause>) {
         self.rk512.reaction_until = NEVER;
-        if self.rk512.reading != DeliveryId(0) {
+        if self.rk512.reading != DeliveryId::NONE {
             let status = cause.map_or(0, Cause::status);
-            link.delivery_end(DeliveryId(self.rk512.reading.0), cause.map(Cause::failure), status);
-            self.rk512.reading = DeliveryId(0);
+            link.delivery_end(self.rk512.reading, cause.map(Cause::failure), status);
+            self.rk512.reading = DeliveryId::NONE;
         }
     }
 }

@@ -57,7 +57,7 @@ impl Machine {
         answer: Result<&[u8], Failure>,
         more: bool,
     ) {
-        if request == RequestId(self.rk512.last_request.0) && self.rk512.answer_until != NEVER {
+        if request == self.rk512.last_request && self.rk512.answer_until != NEVER {
             self.rk512.answered(link, answer, more, self.options.doubling);
         }
         self.begin_block(link);
@@ -132,7 +132,7 @@ impl Rk512 {
             fields::put(&mut fields, DATA, BYTES, data);
         }
         let kind = u16::from(header.is_read());
-        link.request(RequestId(self.last_request.0), kind, Values::new(fields.as_slice()));
+        link.request(self.last_request, kind, Values::new(fields.as_slice()));
     }
 
     fn answered(
@@ -162,7 +162,7 @@ impl Rk512 {
         };
         if more {
             // The rest of an answer that is too long is not for us.
-            link.withdraw(RequestId(self.last_request.0));
+            link.withdraw(self.last_request);
         }
         self.answer_until = NEVER;
         if error == 0 {

@@ -135,7 +135,7 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
                 // take the half for the whole.
                 job.is_aborted = true;
                 let id = job.id;
-                station.abort(JobId(id.0), self)?;
+                station.abort(id, self)?;
                 continue;
             }
             if self.job.is_none()
@@ -167,18 +167,16 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
         self.refused += u64::from(refused.is_some());
         self.handler.tell(&News::Answered { request, refused });
         match reply {
-            Reply::Refused(failure) => {
-                station.answer(RequestId(request.id.0), Err(failure), self)?
-            }
-            Reply::Data(bytes) => station.answer(RequestId(request.id.0), Ok(&bytes), self)?,
+            Reply::Refused(failure) => station.answer(request.id, Err(failure), self)?,
+            Reply::Data(bytes) => station.answer(request.id, Ok(&bytes), self)?,
             Reply::Program(program) => {
-                station.answer(RequestId(request.id.0), Ok(&[]), self)?;
+                station.answer(request.id, Ok(&[]), self)?;
                 self.next = Some(program);
                 if let Some(job) = &mut self.job {
                     job.is_superseded = true;
                     job.is_aborted = true;
                     let id = job.id;
-                    station.abort(JobId(id.0), self)?;
+                    station.abort(id, self)?;
                 }
             }
         }
@@ -248,10 +246,10 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
         self.requests.clear();
         if let Some(job) = &self.job {
             let id = job.id;
-            station.abort(JobId(id.0), self)?;
+            station.abort(id, self)?;
         }
         if self.delivery.is_some() {
-            station.abort(JobId(0), self)?;
+            station.abort(JobId::NONE, self)?;
         }
         station.close(PATIENCE, self)?;
         self.conclude(station.now());

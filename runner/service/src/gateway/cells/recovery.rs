@@ -130,7 +130,7 @@ impl Control {
             }
             let waits = state.cell.waits(channel);
             let is_paused = state.cell.channel(channel).is_paused;
-            let job = id.and_then(|id| self.shared.parts.jobs.reader().job(JobId(id.0)).ok());
+            let job = id.and_then(|id| self.shared.parts.jobs.reader().job(id).ok());
             match job {
                 // Its end was written down, and not what came of it.
                 Some(job) if job.state == JobState::Done => {

@@ -226,7 +226,7 @@ impl Jobs {
         (active.pass, active.fed, active.writer) = (1, Fed::default(), Some(writer));
         around.say(&ToServer::Rewind { link, job: active.job });
         if let Some(lane) = lane {
-            around.reactor.tell(lane, Command::Refill { job: JobId(of_lane.0), source });
+            around.reactor.tell(lane, Command::Refill { job: of_lane, source });
         }
         self.give(true, around);
     }
@@ -260,7 +260,7 @@ impl Jobs {
         let shown = figures.filter(|figures| figures.job == active.of_lane.0);
         active.end = Some(match shown {
             Some(figures) => JobEnd {
-                job: JobId(active.of_lane.0),
+                job: active.of_lane,
                 outcome,
                 taken: figures.job_taken,
                 sent: figures.job_bytes_surely_left,
@@ -270,7 +270,7 @@ impl Jobs {
                 bytes_surely_left: figures.job_bytes_surely_left,
             },
             None => JobEnd {
-                job: JobId(active.of_lane.0),
+                job: active.of_lane,
                 outcome,
                 taken: drawn,
                 sent: 0,

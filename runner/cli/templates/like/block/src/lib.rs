@@ -6,8 +6,9 @@
 
 use softplug_plugin::parts::{Answers, Block, BlockSender, TimerName, Timers, checks};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LinkDownReason, MarkState, Micros, State, Unread,
-    manifest, parts, settings, state_format, timers, DeliveryId, JobId, MarkId};
+    Context, Converter, DeliveryId, Failure, JobId, JobStart, LinkDownReason, MarkId, MarkState,
+    Micros, State, Unread, manifest, parts, settings, state_format, timers,
+};
 
 pub const STX: u8 = 0x02;
 pub const EOT: u8 = 0x04;
@@ -195,8 +196,8 @@ impl Plugin {
             if is_taken && is_answered && !text.is_empty() {
                 if !self.is_open {
                     self.is_open = true;
-                    self.delivery = self.delivery.wrapping_add(1).max(1);
-                    link.delivery_begin(self.delivery, 0);
+                    self.delivery = self.delivery.next();
+                    link.delivery_begin(self.delivery, JobId::NONE);
                 }
                 link.deliver(self.delivery, text);
             }

@@ -6,8 +6,9 @@
 
 use softplug_plugin::parts::{Answers, Block, BlockSender, Timers};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros, State,
-    Unread, manifest, parts, settings, state_format, timers, DeliveryId, JobId, MarkId};
+    Context, Converter, DeliveryId, Failure, JobId, JobStart, LineErrorKind, LinkDownReason,
+    MarkId, MarkState, Micros, State, Unread, manifest, parts, settings, state_format, timers,
+};
 
 /// Answer: the line was taken.
 pub const ACK: u8 = 0x06;
@@ -190,8 +191,8 @@ impl Plugin {
         let is_taken = !self.is_bad && line.len() <= link.delivery_room() as usize;
         let is_answered = self.answers.keep(&[if is_taken { ACK } else { NAK }]);
         if is_taken && is_answered {
-            self.delivery = self.delivery.wrapping_add(1).max(1);
-            link.delivery_begin(self.delivery, 0);
+            self.delivery = self.delivery.next();
+            link.delivery_begin(self.delivery, JobId::NONE);
             link.deliver(self.delivery, line);
             link.delivery_end(self.delivery, None, 0);
         }

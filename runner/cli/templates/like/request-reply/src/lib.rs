@@ -6,8 +6,9 @@
 
 use softplug_plugin::parts::{Block, BlockSender, Timers};
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros, State,
-    Unread, manifest, parts, settings, state_format, timers, DeliveryId, JobId, MarkId};
+    Context, Converter, DeliveryId, Failure, JobId, JobStart, LineErrorKind, LinkDownReason,
+    MarkId, MarkState, Micros, State, Unread, manifest, parts, settings, state_format, timers,
+};
 
 /// The end of a line.
 pub const CR: u8 = b'\r';
@@ -164,7 +165,7 @@ impl Plugin {
         if self.awaits_reply && self.sender.has_left() && !self.is_bad && has_room {
             self.timers.cancel(link, Timer::Reply);
             self.awaits_reply = false;
-            self.delivery = self.delivery.wrapping_add(1).max(1);
+            self.delivery = self.delivery.next();
             link.delivery_begin(self.delivery, self.sender.job());
             if !reply.is_empty() {
                 link.deliver(self.delivery, reply);

@@ -6,8 +6,9 @@
 
 use softplug_plugin::parts::BlockSender;
 use softplug_plugin::{
-    Context, Converter, Failure, JobStart, LinkDownReason, MarkState, State, Unread, manifest,
-    parts, settings, state_format, DeliveryId, JobId, MarkId};
+    Context, Converter, DeliveryId, Failure, JobId, JobStart, LinkDownReason, MarkId, MarkState,
+    State, Unread, manifest, parts, settings, state_format,
+};
 
 pub const XON: u8 = 0x11;
 pub const XOFF: u8 = 0x13;
@@ -152,8 +153,8 @@ impl Plugin {
     fn hear(&mut self, link: &mut Context<'_>, byte: u8) {
         if !self.is_open {
             self.is_open = true;
-            self.delivery = self.delivery.wrapping_add(1).max(1);
-            link.delivery_begin(self.delivery, 0);
+            self.delivery = self.delivery.next();
+            link.delivery_begin(self.delivery, JobId::NONE);
         }
         if link.delivery_room() == 0 {
             return self.end(link, Some(Failure::Overrun));

@@ -93,7 +93,7 @@ impl<I: LaneInstance> Lane<I> {
                     .map(|active| active.id)
                     .filter(|id| *id >= JobId(ENDPOINT_JOBS))
                 {
-                    self.ask(thread, |link, now, host| link.abort(now, JobId(job.0), host));
+                    self.ask(thread, |link, now, host| link.abort(now, job, host));
                 }
             }
         }
@@ -129,7 +129,7 @@ impl<I: LaneInstance> Lane<I> {
         if active.source_failed.is_some() && !active.is_aborted {
             active.is_aborted = true;
             let job = active.id;
-            self.ask(thread, |link, now, host| link.abort(now, JobId(job.0), host));
+            self.ask(thread, |link, now, host| link.abort(now, job, host));
         }
     }
 
@@ -149,14 +149,14 @@ impl<I: LaneInstance> Lane<I> {
             let is_done = outcome == JobOutcome::Done;
             let maybe = if is_done { active.taken } else { channel.job_may_have_left(now) };
             self.host.tell(Report::JobEnded(JobEnd {
-                job: JobId(active.id.0),
+                job: active.id,
                 outcome,
                 taken: active.taken,
                 sent,
                 maybe_left: left.maybe,
                 surely_left: left.surely,
                 bytes_maybe_left: maybe,
-                bytes_surely_left: self.status.bytes_surely_left(JobId(active.id.0)),
+                bytes_surely_left: self.status.bytes_surely_left(active.id),
             }));
             return;
         }
@@ -194,7 +194,7 @@ impl<I: LaneInstance> Lane<I> {
         self.host.job.as_ref().is_some_and(|active| {
             active.is_hungry
                 && active.is_source_stopped()
-                && self.status.drained(JobId(active.id.0)) != Some(active.taken)
+                && self.status.drained(active.id) != Some(active.taken)
         })
     }
 

@@ -364,7 +364,7 @@ impl<I: LaneInstance> Lane<I> {
             let left = channel.left_lately(now, active.from);
             let is_drained = active.is_hungry && channel.is_drained(now);
             figures = JobFigures {
-                job: JobId(active.id.0),
+                job: active.id,
                 taken: active.taken,
                 maybe_left: left.maybe,
                 surely_left: left.surely,

@@ -149,7 +149,7 @@ impl UnitLane {
             (thread.reports)(self.id, report);
         }
         for request in std::mem::take(&mut self.requests) {
-            (thread.reports)(self.id, Report::Withdrawn { request: RequestId(request.0) });
+            (thread.reports)(self.id, Report::Withdrawn { request });
         }
     }
 
@@ -427,7 +427,7 @@ impl UnitLane {
             ToServer::Told { .. } => {
                 for request in std::mem::take(&mut self.doubtful_requests) {
                     if self.requests.remove(&request) {
-                        self.report(Report::Withdrawn { request: RequestId(request.0) }, around);
+                        self.report(Report::Withdrawn { request }, around);
                     }
                 }
             }
