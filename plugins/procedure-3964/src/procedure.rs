@@ -55,6 +55,8 @@ pub struct Procedure<V> {
 impl<V: Variant> Converter for Procedure<V> {
     type Settings = Configured<V>;
     const MANIFEST: &'static str = V::MANIFEST;
+    // Two blocks, and all that waits.
+    const STATE_CAPACITY: usize = 8_192;
 
     fn new(settings: Configured<V>) -> Self {
         Self { machine: Machine::new(settings.options), variant: PhantomData }

@@ -7,8 +7,11 @@ use softplug_plugin::{State, StateReader, StateWriter};
 /// at once.
 const MOST: usize = 256;
 
-/// So many are forgotten at once, so that not every run moves all others.
-const FORGOTTEN: usize = 32;
+/// Places for runs: so many more that not every one that is forgotten moves all others.
+const PLACES: usize = MOST + 32;
+
+/// What characters can be for.
+const PARTS: usize = 6;
 
 /// What a character is for.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
@@ -37,16 +40,12 @@ impl Part {
         matches!(self, Self::Job | Self::Reaction)
     }
 
-    const fn from_code(code: u8) -> Option<Self> {
-        match code {
-            0 => Some(Self::Answer),
-            1 => Some(Self::Grant),
-            2 => Some(Self::JobSetUp),
-            3 => Some(Self::ReactionSetUp),
-            4 => Some(Self::Job),
-            5 => Some(Self::Reaction),
-            _ => None,
-        }
+    /// By their codes.
+    const ALL: [Self; PARTS] =
+        [Self::Answer, Self::Grant, Self::JobSetUp, Self::ReactionSetUp, Self::Job, Self::Reaction];
+
+    fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(code)).copied()
     }
 }
 
@@ -98,15 +97,23 @@ impl Run {
 
 /// Characters in order. They are kept as they are saved: a state is written anew for each of
 /// its pieces, and run by run that would cost more than an event may.
+///
+/// A partner decides how many there are and how often some are dropped, so nothing but what is rare
+/// passes over all of them: the first is taken where it stands, and who drops some begins at the end
+/// and stops where the last of these is found.
 #[derive(Clone, Debug)]
 pub(crate) struct Runs {
-    runs: [[u8; 4]; MOST],
+    runs: [[u8; 4]; PLACES],
+    /// Place of the first.
+    begin: u16,
     length: u16,
+    /// How many are of each part.
+    of_part: [u16; PARTS],
 }
 
 impl Runs {
     pub(crate) const fn new() -> Self {
-        Self { runs: [[0; 4]; MOST], length: 0 }
+        Self { runs: [[0; 4]; PLACES], begin: 0, length: 0, of_part: [0; PARTS] }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -114,11 +121,28 @@ impl Runs {
     }
 
     pub(crate) fn clear(&mut self) {
-        self.length = 0;
+        (self.begin, self.length, self.of_part) = (0, 0, [0; PARTS]);
+    }
+
+    fn end(&self) -> usize {
+        usize::from(self.begin + self.length)
     }
 
     fn as_slice(&self) -> &[[u8; 4]] {
-        self.runs.get(..usize::from(self.length)).unwrap_or_default()
+        self.runs.get(usize::from(self.begin)..self.end()).unwrap_or_default()
+    }
+
+    /// The runs move to the begin of their place.
+    fn close_up(&mut self) {
+        self.runs.copy_within(usize::from(self.begin).min(PLACES).., 0);
+        self.begin = 0;
+    }
+
+    /// A run more of this part, or one less.
+    fn count(&mut self, part: Part, change: i16) {
+        if let Some(count) = self.of_part.get_mut(part as usize) {
+            *count = count.wrapping_add_signed(change);
+        }
     }
 
     fn iter(&self) -> impl DoubleEndedIterator<Item = Run> {
@@ -126,7 +150,7 @@ impl Runs {
     }
 
     fn last_place(&mut self) -> Option<&mut [u8; 4]> {
-        let at = usize::from(self.length).checked_sub(1)?;
+        let at = self.end().checked_sub(1).filter(|_| self.length > 0)?;
         self.runs.get_mut(at)
     }
 
@@ -141,35 +165,49 @@ impl Runs {
             *place = Run { count, ..last }.to_bytes();
             return true;
         }
-        let place = self.runs.get_mut(usize::from(self.length));
-        let fits = place.is_some();
-        if let Some(place) = place {
+        if usize::from(self.length) == MOST {
+            return false;
+        }
+        if self.end() == PLACES {
+            self.close_up();
+        }
+        let end = self.end();
+        if let Some(place) = self.runs.get_mut(end) {
             *place = run.to_bytes();
             self.length += 1;
+            self.count(run.part, 1);
         }
-        fits
+        true
     }
 
-    /// Appends characters; where there is no place, the first are forgotten.
+    /// Appends characters; where there is no place, the first run is forgotten.
     pub(crate) fn remember(&mut self, run: Run) {
         if !self.push(run) {
-            self.runs.copy_within(FORGOTTEN.., 0);
-            self.length -= FORGOTTEN as u16;
+            self.take_first();
             self.push(run);
         }
     }
 
     /// Takes the first character.
     pub(crate) fn first(&mut self) -> Option<Run> {
-        let place = self.runs.first_mut().filter(|_| self.length > 0)?;
-        let first = Run::from_bytes(*place)?;
-        let left = first.count - 1;
-        *place = Run { count: left, ..first }.to_bytes();
-        if left == 0 {
-            self.runs.copy_within(1.., 0);
-            self.length -= 1;
+        let first = self.as_slice().first().and_then(|run| Run::from_bytes(*run))?;
+        match first.count - 1 {
+            0 => self.take_first(),
+            count => {
+                if let Some(place) = self.runs.get_mut(usize::from(self.begin)) {
+                    *place = Run { count, ..first }.to_bytes();
+                }
+            }
         }
         Some(Run { count: 1, ..first })
+    }
+
+    fn take_first(&mut self) {
+        if let Some(first) = self.as_slice().first().and_then(|run| Run::from_bytes(*run)) {
+            self.count(first.part, -1);
+            self.begin += 1;
+            self.length -= 1;
+        }
     }
 
     /// Takes at most so many of the last characters, all alike.
@@ -182,17 +220,39 @@ impl Runs {
         *place = Run { count: left, ..last }.to_bytes();
         if left == 0 {
             self.length -= 1;
+            self.count(last.part, -1);
         }
         Some(taken)
     }
 
     /// Only what is not meant stays.
     pub(crate) fn drop(&mut self, meant: Meant) {
-        let mut kept = Self::new();
-        for run in self.iter().filter(|run| !meant.covers(run.part)) {
-            kept.push(run);
+        let mut left: u16 = self
+            .of_part
+            .iter()
+            .zip(Part::ALL)
+            .filter_map(|(count, part)| meant.covers(part).then_some(*count))
+            .sum();
+        let (mut at, end) = (self.end(), self.end());
+        while left > 0
+            && let Some(run) = at.checked_sub(1).and_then(|at| self.at(at))
+        {
+            at -= 1;
+            left -= u16::from(meant.covers(run.part));
         }
-        *self = kept;
+        self.length -= (end - at) as u16;
+        // Each is read before another one takes its place.
+        for place in at..end {
+            let Some(run) = self.at(place) else { return };
+            self.count(run.part, -1);
+            if !meant.covers(run.part) {
+                self.push(run);
+            }
+        }
+    }
+
+    fn at(&self, place: usize) -> Option<Run> {
+        self.runs.get(place).and_then(|run| Run::from_bytes(*run))
     }
 
     /// These stand before all others, the last of them first; those of a block do not
