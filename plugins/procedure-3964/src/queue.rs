@@ -103,7 +103,7 @@ impl Run {
 /// and stops where the last of these is found.
 #[derive(Clone, Debug)]
 pub(crate) struct Runs {
-    runs: [[u8; 4]; PLACES],
+    places: [[u8; 4]; PLACES],
     /// Place of the first.
     begin: u16,
     length: u16,
@@ -113,7 +113,7 @@ pub(crate) struct Runs {
 
 impl Runs {
     pub(crate) const fn new() -> Self {
-        Self { runs: [[0; 4]; PLACES], begin: 0, length: 0, of_part: [0; PARTS] }
+        Self { places: [[0; 4]; PLACES], begin: 0, length: 0, of_part: [0; PARTS] }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -129,12 +129,12 @@ impl Runs {
     }
 
     fn as_slice(&self) -> &[[u8; 4]] {
-        self.runs.get(usize::from(self.begin)..self.end()).unwrap_or_default()
+        self.places.get(usize::from(self.begin)..self.end()).unwrap_or_default()
     }
 
     /// The runs move to the begin of their place.
     fn close_up(&mut self) {
-        self.runs.copy_within(usize::from(self.begin).min(PLACES).., 0);
+        self.places.copy_within(usize::from(self.begin).min(PLACES).., 0);
         self.begin = 0;
     }
 
@@ -151,7 +151,7 @@ impl Runs {
 
     fn last_place(&mut self) -> Option<&mut [u8; 4]> {
         let at = self.end().checked_sub(1).filter(|_| self.length > 0)?;
-        self.runs.get_mut(at)
+        self.places.get_mut(at)
     }
 
     /// Appends characters; `false`: there is no place.
@@ -172,7 +172,7 @@ impl Runs {
             self.close_up();
         }
         let end = self.end();
-        if let Some(place) = self.runs.get_mut(end) {
+        if let Some(place) = self.places.get_mut(end) {
             *place = run.to_bytes();
             self.length += 1;
             self.count(run.part, 1);
@@ -194,7 +194,7 @@ impl Runs {
         match first.count - 1 {
             0 => self.take_first(),
             count => {
-                if let Some(place) = self.runs.get_mut(usize::from(self.begin)) {
+                if let Some(place) = self.places.get_mut(usize::from(self.begin)) {
                     *place = Run { count, ..first }.to_bytes();
                 }
             }
@@ -252,7 +252,7 @@ impl Runs {
     }
 
     fn at(&self, place: usize) -> Option<Run> {
-        self.runs.get(place).and_then(|run| Run::from_bytes(*run))
+        self.places.get(place).and_then(|run| Run::from_bytes(*run))
     }
 
     /// These stand before all others, the last of them first; those of a block do not

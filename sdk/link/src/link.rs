@@ -29,7 +29,7 @@ use probation::Probation;
 use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{
-    Actions, Event, Instance, JobId, LineParameters, LinkDownReason, MarkId, Micros, ModemLines,
+    Actions, Event, Instance, JobId, LineParameters, LinkDownReason, Micros, ModemLines,
 };
 
 /// What a link is opened with.

@@ -7,7 +7,7 @@ use crate::job::{ActiveJob, Job};
 use crate::link::{give_quiet, saved_by};
 use crate::{Link, LinkHost, LinkOptions, UnderWay};
 use alloc::vec::Vec;
-use softplug_abi::{Event, Instance, JobId, MarkState, Micros, RequestId};
+use softplug_abi::{Event, Instance, JobId, MarkState, Micros};
 
 /// Gives an instance exactly the events that another one was given, at their
 /// times. There is no line: nothing comes of what the instance does, but it is

@@ -3,7 +3,7 @@
 use super::Link;
 use crate::LinkHost;
 use crate::fault::LinkFault;
-use softplug_abi::{Event, Instance, LineErrorKind, LinkDownReason, MarkId, Micros, ModemLines};
+use softplug_abi::{Event, Instance, LineErrorKind, LinkDownReason, Micros, ModemLines};
 
 impl<I: Instance> Link<I> {
     /// Bytes from the line, all at this time. They may be cut anywhere.
