@@ -5,7 +5,7 @@ use crate::frame::{DLE, NAK, STX, Step};
 use crate::machine::{LARGEST_DATA, Machine, NEVER, after};
 use crate::phase::Phase;
 use crate::{Layer, frame::Decoder};
-use softplug_plugin::{Context, DeliveryId, JobId};
+use softplug_plugin::{Context, JobId};
 
 /// How often a free buffer is looked for, in ms.
 const BUFFER_POLL: i64 = 50;

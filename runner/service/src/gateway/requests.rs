@@ -1,6 +1,6 @@
 //! What machines ask for: programs by name from the panel, words of a memory.
 
-use softplug_abi::{Failure, JobId, RequestId};
+use softplug_abi::{Failure, RequestId};
 use softplug_catalogue::Notations;
 use softplug_live::reactor::Command;
 use softplug_live::store::Mark;

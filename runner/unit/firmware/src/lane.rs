@@ -8,7 +8,7 @@ use crate::host::Host;
 use alloc::string::{String, ToString};
 use alloc::sync::Arc;
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Failure, LineErrorKind, LineParameters, Micros, RequestId};
+use softplug_abi::{Failure, LineErrorKind, LineParameters, Micros};
 use softplug_interpreter::{Module, Room, Session, SessionFault};
 use softplug_link::{HoldState, Link, LinkFault, LinkOptions, Taken};
 

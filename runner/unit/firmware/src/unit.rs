@@ -12,7 +12,7 @@ use alloc::borrow::ToOwned;
 use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
-use softplug_abi::{Failure, JobId, Micros, RequestId};
+use softplug_abi::{Failure, JobId, Micros};
 use softplug_interpreter::{Room, SessionFault};
 use softplug_link::{Job, LinkFault};
 use softplug_unit_protocol::{

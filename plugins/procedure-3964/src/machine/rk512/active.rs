@@ -5,7 +5,7 @@ use super::{HEADER, LARGEST_DATA, SHORT_HEADER};
 use crate::cause::*;
 use crate::job::Stage;
 use crate::machine::{Machine, NEVER, after};
-use softplug_plugin::{Context, DeliveryId, Failure, JobId, JobStart, copy};
+use softplug_plugin::{Context, DeliveryId, Failure, JobStart, copy};
 
 /// Place of `read` in the manifest's list of jobs.
 const READ: u16 = 2;

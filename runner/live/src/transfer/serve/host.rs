@@ -1,6 +1,6 @@
 //! The host's side of the link while a station serves.
 
-use softplug_abi::{Action, Failure, Instance, JobId, Micros, RequestId};
+use softplug_abi::{Action, Failure, Instance, JobId, Micros};
 use softplug_link::{Job, LinkHost, Supply};
 use std::collections::VecDeque;
 use std::io;

@@ -200,7 +200,7 @@ impl<I: LaneInstance> Lane<I> {
                 self.count_pause(JobId(job), false);
             }
             Command::Abort(job) => {
-                self.ask(thread, |link, now, out| link.abort(now, JobId(job), out))
+                self.ask(thread, |link, now, out| link.abort(now, JobId(job), out));
             }
             Command::ForceResume => self.ask(thread, |link, now, out| link.force_resume(now, out)),
             Command::Answer { request, answer } => self.ask(thread, |link, now, out| {
