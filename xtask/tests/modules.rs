@@ -50,8 +50,10 @@ impl Tree {
 
     /// Reads a module's file, and those of its parts, which stand in `folder`.
     fn read(&mut self, module: usize, file: &Path, folder: &Path) {
-        let text = fs::read_to_string(file).unwrap_or_else(|error| panic!("{file:?}: {error}"));
-        let parsed = syn::parse_file(&text).unwrap_or_else(|error| panic!("{file:?}: {error}"));
+        let text =
+            fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        let parsed =
+            syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
         self.take(module, &parsed.items, file, folder);
     }
 
@@ -63,12 +65,11 @@ impl Tree {
                     let child = self.0.len() - 1;
                     let name = part.ident.to_string();
                     let inside = folder.join(&name);
-                    match &part.content {
-                        Some((_, items)) => self.take(child, items, file, &inside),
-                        None => {
-                            let (file, inside) = place(part, file, folder);
-                            self.read(child, &file, &inside);
-                        }
+                    if let Some((_, items)) = &part.content {
+                        self.take(child, items, file, &inside);
+                    } else {
+                        let (file, inside) = place(part, file, folder);
+                        self.read(child, &file, &inside);
                     }
                     self.0[module].children.insert(name, child);
                 }
@@ -159,7 +160,8 @@ impl Tree {
             let mut text = format!("{package}: {}", names.join(", "));
             for ((own, other), said) in &arrows {
                 if circle.contains(own) && circle.contains(other) {
-                    text += &format!("\n    {} -> {}: {said}", self.name(*own), self.name(*other));
+                    let (own, other) = (self.name(*own), self.name(*other));
+                    text.extend(["\n    ", &own, " -> ", &other, ": ", said]);
                 }
             }
             circles.push(text);

@@ -169,7 +169,7 @@ fn receive(reception_writer: &ReceptionWriter, number: u64) {
         lane,
         link,
         place,
-        delivery: delivery,
+        delivery,
         job: None,
         bytes: reader,
     });

@@ -221,7 +221,7 @@ fn what_the_link_knows_narrows_what_was_granted_and_never_widens_it() {
     let end = |link: &str, granted, left| {
         let id = send(&jobs, link, 0);
         jobs.begin(id).unwrap();
-        jobs.advance(&[Advance { id: id, grant: Some(granted), surely: Some(100) }]).unwrap();
+        jobs.advance(&[Advance { id, grant: Some(granted), surely: Some(100) }]).unwrap();
         let reason = Reason::new("link-down", "the port is gone");
         jobs.end(id, Ending::Failed(reason), Some(Left { extent: left, taken: 7, sent: 8 }))
             .unwrap()
@@ -416,7 +416,7 @@ proptest! {
                 Deed::End(id, true) => drop(jobs.end(id, Ending::Done, None)),
                 Deed::End(id, false) => drop(jobs.end(id, Ending::Aborted, None)),
                 Deed::Grant(id, to) => {
-                    jobs.advance(&[Advance { id: id, grant: Some(to), surely: None }]).unwrap();
+                    jobs.advance(&[Advance { id, grant: Some(to), surely: None }]).unwrap();
                 }
                 Deed::Restart => {
                     let before = jobs.live();

@@ -181,7 +181,7 @@ fn feeding_goes_on_while_whoever_reads_stands_still_on_the_disk() {
         let mut spans = Vec::new();
         for to in 1..=100 {
             let at = Instant::now();
-            feeder.advance(&[Advance { id: id, grant: Some(to * 1_000), surely: None }]).unwrap();
+            feeder.advance(&[Advance { id, grant: Some(to * 1_000), surely: None }]).unwrap();
             spans.push(at.elapsed());
         }
         feeder.end(id, Ending::Done, None).unwrap();

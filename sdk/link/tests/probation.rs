@@ -257,7 +257,7 @@ impl Instance for Converter {
         match self.failing_now {
             Some(Failing::Garbles) => out.0.extend([1, 0, 9, 0, 0]),
             Some(Failing::BreaksRule) => {
-                out.put(&Action::Deliver { delivery: DeliveryId(77), bytes: b"x" })
+                out.put(&Action::Deliver { delivery: DeliveryId(77), bytes: b"x" });
             }
             _ => {}
         }

@@ -149,7 +149,7 @@ impl Instance for Relay {
                 }
             }
             Event::Close => {
-                put(Action::DeliveryEnd { delivery: DeliveryId(1), failure: None, status: 0 })
+                put(Action::DeliveryEnd { delivery: DeliveryId(1), failure: None, status: 0 });
             }
             _ => {}
         }

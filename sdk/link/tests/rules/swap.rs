@@ -217,7 +217,7 @@ fn story(saves: bool) -> (Vec<Seen>, Vec<(i64, String)>) {
             }
             5_000 => rig.does(at, &[Action::Discard]),
             6_000 => {
-                rig.host(at, |link, out| link.answer(Micros(at), RequestId(1), Ok(b"yes"), out))
+                rig.host(at, |link, out| link.answer(Micros(at), RequestId(1), Ok(b"yes"), out));
             }
             _ => {}
         }
