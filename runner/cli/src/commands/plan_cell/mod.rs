@@ -6,16 +6,6 @@ mod run;
 #[cfg(target_os = "linux")]
 pub(super) use run::plan_cell;
 
-#[cfg(not(target_os = "linux"))]
-pub(super) fn plan_cell(
-    _: &std::path::Path,
-    _: &str,
-    _: &CellArguments,
-    _: &crate::screen::Screen,
-) -> Result<crate::exit::Exit, crate::failure::Failure> {
-    Err(crate::failure::Failure::only_on_linux("reading a gateway's configuration"))
-}
-
 use std::path::PathBuf;
 
 use clap::Args;
@@ -41,4 +31,14 @@ pub(crate) struct CellArguments {
 fn rapid(text: &str) -> Result<f64, String> {
     let speed = text.parse::<f64>().ok().filter(|speed| (1.0..=1e6).contains(speed));
     speed.ok_or_else(|| "give mm/min from 1 to 1000000".to_owned())
+}
+
+#[cfg(not(target_os = "linux"))]
+pub(super) fn plan_cell(
+    _: &std::path::Path,
+    _: &str,
+    _: &CellArguments,
+    _: &crate::screen::Screen,
+) -> Result<crate::exit::Exit, crate::failure::Failure> {
+    Err(crate::failure::Failure::only_on_linux("reading a gateway's configuration"))
 }

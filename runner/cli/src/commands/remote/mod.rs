@@ -10,14 +10,6 @@ pub(super) mod show;
 #[cfg(target_os = "linux")]
 pub(super) use measured::measured;
 
-#[cfg(not(target_os = "linux"))]
-pub(super) fn measured(
-    _: &Remote,
-    _: Option<&str>,
-) -> Result<softplug_plan::Measured, crate::failure::Failure> {
-    Err(crate::failure::Failure::only_on_linux("speaking with a gateway"))
-}
-
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -48,4 +40,12 @@ pub(crate) struct Within {
     /// From before the last so much time
     #[arg(long, value_name = "SPAN", value_parser = quantity::span)]
     pub(crate) until: Option<Duration>,
+}
+
+#[cfg(not(target_os = "linux"))]
+pub(super) fn measured(
+    _: &Remote,
+    _: Option<&str>,
+) -> Result<softplug_plan::Measured, crate::failure::Failure> {
+    Err(crate::failure::Failure::only_on_linux("speaking with a gateway"))
 }

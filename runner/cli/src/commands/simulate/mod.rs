@@ -1,23 +1,21 @@
 //! `softplug simulate`: machines to try a set-up on.
 
-mod run;
-
 mod fanuc;
 mod faults;
 mod kermit;
 mod pulse_lathe;
 mod r3964;
+mod run;
 mod script;
 mod xmodem;
 mod xon_xoff;
-
-#[cfg(target_os = "linux")]
-pub(super) use run::{Fanuc, R3964, XonXoff, difference};
 
 pub(crate) use fanuc::FanucSimulation;
 pub(crate) use kermit::KermitSimulation;
 pub(crate) use pulse_lathe::PulseLatheSimulation;
 pub(crate) use r3964::R3964Simulation;
+#[cfg(target_os = "linux")]
+pub(super) use run::{Fanuc, R3964, XonXoff, difference};
 pub(crate) use script::ScriptSimulation;
 pub(crate) use xmodem::XmodemSimulation;
 pub(crate) use xon_xoff::XonXoffSimulation;
