@@ -72,7 +72,7 @@ fn a_machine_that_never_reads_delays_no_other() {
     // And it is aborted without the others' help; how far it was is not forgotten.
     bench.until(stuck, |figures| figures.job_bytes_surely_left > 1_000);
     let seen = bench.figures(stuck);
-    bench.reactor.tell(stuck, Command::Abort(1));
+    bench.reactor.tell(stuck, Command::Abort(JobId(1)));
     let end = bench.end_of_job(stuck);
     assert_eq!(end.outcome, JobOutcome::Failed { failure: Failure::Aborted, status: 0 });
     assert!(end.bytes_surely_left >= seen.job_bytes_surely_left, "{end:?} after {seen:?}");

@@ -150,11 +150,11 @@ pub enum UnitCommand {
     /// Begin a job.
     Begin(Feed),
     /// Ask for a pause of the job.
-    Pause(u32),
+    Pause(JobId),
     /// End the pause.
-    Resume(u32),
-    /// Abort the job, or, with 0, the delivery under way.
-    Abort(u32),
+    Resume(JobId),
+    /// Abort the job, or, with [`JobId::NONE`], the delivery under way.
+    Abort(JobId),
     /// Go on although the machine holds the line.
     ForceResume,
     /// The data of the job from the start, after [`Report::Rewind`].

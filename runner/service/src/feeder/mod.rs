@@ -85,8 +85,8 @@ pub struct Feeder {
 #[derive(Debug)]
 enum Request {
     Feed(Box<Feeding>),
-    Forget(u32),
-    Gate(u32, Option<u64>),
+    Forget(JobId),
+    Gate(JobId, Option<u64>),
 }
 
 impl Feeder {
@@ -127,12 +127,12 @@ impl Feeder {
 
     /// A job has ended: it is not looked after any more. Its buffer ends where it is.
     pub fn forget(&self, job: JobId) {
-        self.request(Request::Forget(job.0));
+        self.request(Request::Forget(job));
     }
 
     /// A job goes on, up to this byte; without one to its end.
     pub fn move_gate(&self, job: JobId, gate: Option<u64>) {
-        self.request(Request::Gate(job.0, gate));
+        self.request(Request::Gate(job, gate));
     }
 
     fn request(&self, request: Request) {
@@ -198,8 +198,8 @@ impl<T: FnMut(FeederNews)> Worker<T> {
             loop {
                 match requests.try_recv() {
                     Ok(Request::Feed(feeding)) => ready.extend(self.take_on(*feeding)),
-                    Ok(Request::Forget(job)) => self.forget(JobId(job)),
-                    Ok(Request::Gate(job, gate)) => ready.extend(self.move_gate(JobId(job), gate)),
+                    Ok(Request::Forget(job)) => self.forget(job),
+                    Ok(Request::Gate(job, gate)) => ready.extend(self.move_gate(job, gate)),
                     Err(TryRecvError::Empty) => break,
                     Err(TryRecvError::Disconnected) => return,
                 }

@@ -245,13 +245,13 @@ impl Control {
         {
             running.job = job.clone();
             let command = match command {
-                JobCommand::Pause => Some(Command::Pause(id.0)),
+                JobCommand::Pause => Some(Command::Pause(id)),
                 // Its cell lets it go on when that is free to do so.
                 JobCommand::Resume if running.is_held_by_cell => None,
-                JobCommand::Resume => Some(Command::Resume(id.0)),
+                JobCommand::Resume => Some(Command::Resume(id)),
                 JobCommand::Abort => {
                     running.ends_as = EndsAs::Aborted;
-                    Some(Command::Abort(id.0))
+                    Some(Command::Abort(id))
                 }
                 JobCommand::Prioritise(_) => None,
             };

@@ -121,7 +121,7 @@ impl Control {
         if let Some(running) = link.job.as_mut().filter(|running| running.ends_as == EndsAs::ItIs) {
             // In the way that the protocol has for it, as far as there is time.
             running.ends_as = EndsAs::Interrupted("the link was closed in the middle of it");
-            self.drivers.tell(id, Command::Abort(running.job.id.0));
+            self.drivers.tell(id, Command::Abort(running.job.id));
         }
         let has_lane = self.drivers.status(id).is_some();
         link.lane = Lane::Closing(id, after);

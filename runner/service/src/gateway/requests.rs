@@ -145,7 +145,7 @@ impl Control {
                 if let Some(running) = &mut link.job {
                     running.ends_as =
                         EndsAs::Interrupted("another program was asked for at the panel");
-                    self.drivers.tell(lane, Command::Abort(running.job.id.0));
+                    self.drivers.tell(lane, Command::Abort(running.job.id));
                 }
                 let text =
                     format!("{}: {}", asked.text(), job.spec.program.as_deref().unwrap_or(""));

@@ -78,7 +78,7 @@ impl Control {
             if running.ends_as == EndsAs::ItIs {
                 running.ends_as = EndsAs::Interrupted(PARKED);
                 let (lane, job) = (link.lane.id(), running.job.id);
-                self.drivers.tell(lane, Command::Abort(job.0));
+                self.drivers.tell(lane, Command::Abort(job));
             }
         }
     }

@@ -18,7 +18,7 @@ pub struct CellStep {
     /// Jobs that came to a word.
     pub arrived: Vec<Arrived>,
     /// A job that begins with it.
-    pub begins: Option<u32>,
+    pub begins: Option<JobId>,
     /// Jobs that were loaded, and are started now.
     pub started: Vec<JobId>,
     /// Jobs that go on behind a block at which another one stood.
@@ -72,9 +72,9 @@ impl Jobs {
             change.jobs.push(job);
         }
         if let Some(id) = step.begins {
-            let mut job = live(&store, JobId(id), Step::Begin)?;
+            let mut job = live(&store, id, Step::Begin)?;
             job.state = after(job.state, job.has_begun(), Step::Begin).ok_or(JobsError::State {
-                id: JobId(id),
+                id,
                 state: job.state,
                 step: Step::Begin,
             })?;

@@ -275,7 +275,7 @@ impl Control {
         &mut self,
         name: &str,
         event: Option<Event>,
-        begins: Option<u32>,
+        begins: Option<JobId>,
     ) -> Result<(), NotTaken> {
         let Some(state) = self.cells.by_name.get(name) else { return Ok(()) };
         let now = now_ms();
@@ -369,13 +369,13 @@ impl Control {
             (was != holds && !is_paused).then_some(lane)
         });
         if let Some(lane) = held.filter(|_| holds) {
-            self.drivers.tell(lane, Command::Pause(id.0));
+            self.drivers.tell(lane, Command::Pause(id));
         }
         if is_behind && !holds {
             self.feeder.move_gate(id, gate);
         }
         if let Some(lane) = held.filter(|_| !holds) {
-            self.drivers.tell(lane, Command::Resume(id.0));
+            self.drivers.tell(lane, Command::Resume(id));
         }
     }
 

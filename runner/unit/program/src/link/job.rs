@@ -192,7 +192,7 @@ impl Jobs {
             let of_lane = active.of_lane;
             around.say(&ToServer::Refused { message, link, job, why: short(&why) });
             if let Some(lane) = lane {
-                around.reactor.tell(lane, Command::Abort(of_lane.0));
+                around.reactor.tell(lane, Command::Abort(of_lane));
             }
         }
     }

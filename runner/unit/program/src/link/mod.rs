@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
 use std::task::Waker;
 
-use softplug_abi::{Failure, Micros, RequestId};
+use softplug_abi::{Failure, JobId, Micros, RequestId};
 use softplug_host::{Host, Session};
 use softplug_live::plain_text;
 use softplug_live::reactor::{Command, LaneFigures, LaneId, Probation, Reactor, Report, When};
@@ -203,7 +203,7 @@ impl Link {
             ToUnit::Stored { delivery, until, is_whole, .. } => {
                 self.deliveries.stored(delivery, until, is_whole);
             }
-            ToUnit::Abort { job: 0, .. } => self.command(Command::Abort(0), around),
+            ToUnit::Abort { job: 0, .. } => self.command(Command::Abort(JobId::NONE), around),
             ToUnit::Begin { .. }
             | ToUnit::Data { .. }
             | ToUnit::End { .. }

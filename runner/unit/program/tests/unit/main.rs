@@ -11,7 +11,7 @@ mod tls;
 use machine::Machine;
 use raw_server::RawServer;
 use shop::{Shop, ended, program};
-use softplug_abi::Failure;
+use softplug_abi::{Failure, JobId};
 use softplug_live::reactor::{JobOutcome, Probation, SwapReport, When};
 use softplug_live::units::{UnitCommand, UnitPlugin};
 use softplug_unit_protocol::ToUnit;
@@ -136,7 +136,7 @@ fn an_abort_while_the_cable_is_out_ends_the_job_when_it_is_back() {
     shop.begin(1, &program(30_000));
     shop.until(|shop| shop.received().len() >= 500);
     shop.cable.hold(true);
-    shop.tell(UnitCommand::Abort(1));
+    shop.tell(UnitCommand::Abort(JobId(1)));
     shop.cable.hold(false);
     let end = shop.until_report(ended);
     assert_eq!(end.outcome, JobOutcome::Failed { failure: Failure::Aborted, status: 0 });
@@ -151,10 +151,10 @@ fn a_pause_holds_over_a_cable_that_was_out() {
     let program = program(3_000);
     shop.begin(1, &program);
     shop.until(|shop| shop.received().len() >= 500);
-    shop.tell(UnitCommand::Pause(1));
+    shop.tell(UnitCommand::Pause(JobId(1)));
     shop.cable.cut();
     shop.until_up();
-    shop.tell(UnitCommand::Resume(1));
+    shop.tell(UnitCommand::Resume(JobId(1)));
     assert_eq!(shop.until_report(ended).outcome, JobOutcome::Done);
     shop.until_received(&program);
 }

@@ -1,6 +1,6 @@
 //! my-protocol: data in blocks with a sum, each answered with ACK or NAK, both ways.
 //!
-//! A block is STX, the count of its data, the data and its sum. EOT ends a transfer, and is answered too.
+//! A block is STX, the count of its data, the data, their sum. EOT, answered too, ends a transfer.
 //! The host calls a method for each event, which acts on `link`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
@@ -15,7 +15,7 @@ pub const EOT: u8 = 0x04;
 pub const ACK: u8 = 0x06;
 pub const NAK: u8 = 0x15;
 const BLOCK: usize = 128;
-/// Bytes of output that one character can bring.
+/// Bytes of output for one character.
 const RESERVE: usize = 512;
 
 settings! {
@@ -41,7 +41,7 @@ pub struct Plugin {
     timers: Timers<Timer, 2>,
     answers: Answers<16>,
     sender: BlockSender<BLOCK>,
-    /// A block has been given to the link.
+    /// A block is with the link.
     awaits_answer: bool,
     heard: Block<258>,
     is_open: bool,
@@ -71,7 +71,7 @@ impl Converter for Plugin {
             awaits_answer: false,
             heard: Block::new(),
             is_open: false,
-            delivery: 0,
+            delivery: DeliveryId::NONE,
             unread: Unread::new(),
         }
     }
@@ -118,8 +118,8 @@ impl Converter for Plugin {
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
-        // 0 is the delivery under way.
-        if job == 0 {
+        // None: the delivery.
+        if job == JobId::NONE {
             self.end(link, Some(Failure::Aborted));
         } else {
             self.stop(link, Failure::Aborted);

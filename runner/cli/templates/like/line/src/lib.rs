@@ -73,7 +73,7 @@ impl Converter for Plugin {
             awaits_answer: false,
             heard: Block::new(),
             is_bad: false,
-            delivery: 0,
+            delivery: DeliveryId::NONE,
             unread: Unread::new(),
         }
     }
@@ -128,7 +128,7 @@ impl Converter for Plugin {
 
     fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
         // 0 is the delivery under way; here each begins and ends in one event.
-        if job != 0 {
+        if job != JobId::NONE {
             self.stop(link, Failure::Aborted);
         }
     }

@@ -60,7 +60,7 @@ impl Converter for Plugin {
             is_last: false,
             is_stopped: false,
             is_open: false,
-            delivery: 0,
+            delivery: DeliveryId::NONE,
             unread: Unread::new(),
         }
     }
@@ -101,8 +101,8 @@ impl Converter for Plugin {
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: JobId) {
-        // 0 is the delivery under way.
-        if job == 0 {
+        // None: the delivery.
+        if job == JobId::NONE {
             self.end(link, Some(Failure::Aborted));
         } else {
             self.sender.stop(link, Failure::Aborted);

@@ -192,15 +192,15 @@ impl<I: LaneInstance> Lane<I> {
             Command::Refill { job, source } => self.host.refill(job, source),
             Command::Begin(feed) => self.begin(thread, feed),
             Command::Pause(job) => {
-                self.count_pause(JobId(job), true);
-                self.ask(thread, |link, now, out| link.pause(now, JobId(job), out));
+                self.count_pause(job, true);
+                self.ask(thread, |link, now, out| link.pause(now, job, out));
             }
             Command::Resume(job) => {
-                self.ask(thread, |link, now, out| link.resume(now, JobId(job), out));
-                self.count_pause(JobId(job), false);
+                self.ask(thread, |link, now, out| link.resume(now, job, out));
+                self.count_pause(job, false);
             }
             Command::Abort(job) => {
-                self.ask(thread, |link, now, out| link.abort(now, JobId(job), out));
+                self.ask(thread, |link, now, out| link.abort(now, job, out));
             }
             Command::ForceResume => self.ask(thread, |link, now, out| link.force_resume(now, out)),
             Command::Answer { request, answer } => self.ask(thread, |link, now, out| {

@@ -55,11 +55,11 @@ impl UnitLane {
         around.say(&ToUnit::Abort { link, job: job.number });
     }
 
-    pub(super) fn job_of(&mut self, id: u32) -> Option<&mut UnitJob> {
-        self.job.as_mut().filter(|active| active.job.id == JobId(id))
+    pub(super) fn job_of(&mut self, id: JobId) -> Option<&mut UnitJob> {
+        self.job.as_mut().filter(|active| active.job.id == id)
     }
 
-    pub(super) fn pause(&mut self, id: u32, is_paused: bool, around: &mut Around<'_>) {
+    pub(super) fn pause(&mut self, id: JobId, is_paused: bool, around: &mut Around<'_>) {
         let number = self.number;
         let Some(active) = self.job_of(id) else { return };
         active.is_paused = is_paused;
@@ -70,7 +70,7 @@ impl UnitLane {
         around.say(&message);
     }
 
-    pub(super) fn abort(&mut self, id: u32, around: &mut Around<'_>) {
+    pub(super) fn abort(&mut self, id: JobId, around: &mut Around<'_>) {
         let number = self.number;
         if id == 0 {
             self.plain(|link| ToUnit::Abort { link, job: 0 }, around);
