@@ -282,3 +282,111 @@ impl State for Runs {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+
+    /// Runs as a plain list, slow and obvious.
+    #[derive(Default)]
+    struct Plain(Vec<Run>);
+
+    impl Plain {
+        fn push(&mut self, run: Run) -> bool {
+            if let Some(last) = self.0.last_mut()
+                && last.part == run.part
+                && (last.byte == run.byte || run.part.is_block())
+            {
+                last.count += run.count;
+                return true;
+            }
+            let fits = self.0.len() < MOST;
+            if fits {
+                self.0.push(run);
+            }
+            fits
+        }
+
+        fn remember(&mut self, run: Run) {
+            if !self.push(run) {
+                self.0.remove(0);
+                self.push(run);
+            }
+        }
+
+        fn first(&mut self) -> Option<u8> {
+            let first = self.0.first_mut()?;
+            first.count -= 1;
+            let byte = first.byte;
+            if first.count == 0 {
+                self.0.remove(0);
+            }
+            Some(byte)
+        }
+
+        fn last(&mut self, most: u16) -> Option<u16> {
+            let last = self.0.last_mut()?;
+            let taken = last.count.min(most);
+            last.count -= taken;
+            if last.count == 0 {
+                self.0.pop();
+            }
+            Some(taken)
+        }
+
+        fn drop(&mut self, meant: Meant) {
+            let kept = core::mem::take(&mut self.0);
+            for run in kept.into_iter().filter(|run| !meant.covers(run.part)) {
+                self.push(run);
+            }
+        }
+    }
+
+    fn told(runs: impl Iterator<Item = Run>) -> Vec<(u16, u8, Part)> {
+        runs.map(|run| (run.count, run.byte, run.part)).collect()
+    }
+
+    #[test]
+    fn whatever_is_done_they_are_those_that_a_plain_list_has() {
+        let mut dice = 1_u32;
+        let mut below = |end: u32| {
+            dice = dice.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (dice >> 16) % end
+        };
+        let (mut runs, mut plain) = (Runs::new(), Plain::default());
+        let mut most = 0;
+        for turn in 0..60_000 {
+            // Mostly they become more, then mostly fewer.
+            let grows = turn / 700 % 2 == 0;
+            let run = Run {
+                count: 1 + (below(3) / 2) as u16,
+                byte: below(3) as u8,
+                part: Part::ALL[below(PARTS as u32) as usize],
+            };
+            match below(if grows { 40 } else { 12 }) {
+                0..=2 => assert_eq!(runs.first().map(|run| run.byte), plain.first()),
+                3 => {
+                    let taken = runs.last(2).map(|run| run.count);
+                    assert_eq!(taken, plain.last(2));
+                }
+                4 if below(20) == 0 => {
+                    let meant = [Meant::GRANT, Meant::BLOCK, Meant::GRANT.and(Meant::BLOCK)];
+                    let meant = meant[below(3) as usize];
+                    runs.drop(meant);
+                    plain.drop(meant);
+                }
+                5..=7 => {
+                    runs.remember(run);
+                    plain.remember(run);
+                }
+                _ => assert_eq!(runs.push(run), plain.push(run)),
+            }
+            assert_eq!(told(runs.iter()), told(plain.0.iter().copied()));
+            most = most.max(plain.0.len());
+        }
+        assert_eq!(most, MOST);
+        runs.drop(Meant::ALL);
+        assert!(runs.is_empty());
+    }
+}
