@@ -143,7 +143,7 @@ impl Control {
             (true, true) => Some(Event::Paused { channel, is: false }),
             (true, false) => None,
         };
-        match self.step(&name, event, Some(job.id.0)) {
+        match self.step(&name, event, Some(job.id)) {
             Ok(()) => Some(self.shared.parts.jobs.reader().job(job.id)),
             Err(not_taken) => {
                 let state = self.cells.by_name.get_mut(&name)?;

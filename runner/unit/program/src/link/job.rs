@@ -202,12 +202,12 @@ impl Jobs {
         job: u64,
         ready: Option<(LaneId, usize)>,
         around: &mut Surroundings<'_>,
-        command: fn(u32) -> Command<softplug_host::Session>,
+        command: fn(JobId) -> Command<softplug_host::Session>,
     ) {
         if let Some(active) = self.under_way(job)
             && let Some((lane, _)) = ready
         {
-            around.reactor.tell(lane, command(active.of_lane.0));
+            around.reactor.tell(lane, command(active.of_lane));
         }
     }
 

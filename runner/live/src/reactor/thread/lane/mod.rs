@@ -8,7 +8,7 @@ mod watchdogs;
 
 use mio::unix::SourceFd;
 use softplug_abi::limits::FUEL_PER_EVENT;
-use softplug_abi::{Instance, JobId, Micros};
+use softplug_abi::{Instance, Micros};
 use softplug_link::{Link, LinkFault, LinkHost};
 use std::ops::Range;
 use std::os::fd::AsRawFd;

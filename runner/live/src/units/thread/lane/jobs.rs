@@ -72,7 +72,7 @@ impl UnitLane {
 
     pub(super) fn abort(&mut self, id: JobId, around: &mut Around<'_>) {
         let number = self.number;
-        if id == 0 {
+        if id == JobId::NONE {
             self.plain(|link| ToUnit::Abort { link, job: 0 }, around);
             return;
         }

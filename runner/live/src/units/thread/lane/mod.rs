@@ -191,7 +191,7 @@ impl UnitLane {
             }
             UnitCommand::Refill { job, source } => {
                 source.wake_with(around.thread.waker.clone());
-                if let Some(active) = self.job_of(job.0) {
+                if let Some(active) = self.job_of(job) {
                     active.refill(source);
                 }
             }
@@ -268,7 +268,7 @@ impl UnitLane {
         let id = self.job.as_ref().filter(|job| job.is_begun).map(|job| job.job.id);
         match id.filter(|_| self.number.is_some()) {
             Some(id) => {
-                self.abort(id.0, around);
+                self.abort(id, around);
                 self.closing_until = Some(around.thread.clock.now() + CLOSING);
                 self.status.set_condition(Condition::Closing);
             }
