@@ -196,10 +196,6 @@ impl Converter for FanucRs232 {
     }
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
-        if job.pass == Pass::Check {
-            // That of a job which failed in its check.
-            self.set_paused(link, false);
-        }
         // The feed does every check, and refuses what is no program.
         if self.is_packets && job.pass == Pass::Run && job.kind == 0 {
             self.kept.remote_buffer.job_begin(

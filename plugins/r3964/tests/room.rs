@@ -63,3 +63,22 @@ fn data_that_was_asked_for_is_taken_only_with_room_for_all_that_may_come() {
         assert_eq!(bench.sent().get(telegram), Some(&answer), "{room} bytes of room");
     }
 }
+
+#[test]
+fn the_largest_state_survives_a_swap() {
+    let settings = [("nak_at_start", "off"), ("handshake", "off"), ("transmission_attempts", "1")];
+    let mut bench = Bench::<R3964>::new().set_all(&settings).room(1, 4_096).open();
+    // Good and bad blocks in turn, so that no answer is as the one before.
+    let blocks = |first: u8, second: u8, pairs: usize| {
+        let good_and_bad = [2, 0x10, 3, first, 2, 0x10, 3, second].repeat(pairs);
+        [&good_and_bad[..], &[2, 0x10, 3, first]].concat()
+    };
+    bench.run_for_millis(1_000);
+    bench.receive(&blocks(0x13, 0x12, 127));
+    bench.run_for_millis(2_000);
+    bench.receive(&blocks(0x12, 0x13, 128));
+    bench.receive(&[&[2][..], &[b'A'; 1_024]].concat());
+    bench.send(&[b'B'; 1_024]);
+    bench.swap();
+    bench.run_for_millis(1);
+}
