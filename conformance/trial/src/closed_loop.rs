@@ -28,7 +28,7 @@ use softplug_machines::{Partner, Signal};
 /// host.add_source(1, b"N10 G1 X100\n".to_vec());
 /// both.line.link.open(both.now(), &mut host)?;
 /// let check = manifest.needs.check_pass;
-/// let job = Job { id: 1, kind: 0, size: Some(12), fields: Vec::new(), check };
+/// let job = Job { id: softplug_abi::JobId(1), kind: 0, size: Some(12), fields: Vec::new(), check };
 /// both.line.link.begin_job(both.now(), job, &mut host)?;
 /// both.settle(&mut host)?;
 /// both.wait_until(Micros::from_secs(1), &mut host)?;

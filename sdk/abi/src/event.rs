@@ -71,7 +71,7 @@ codes! {
 /// use softplug_abi::{Event, Pass, Values};
 ///
 /// let fields = Values::new(&[]);
-/// let check = Event::JobBegin { job: 1, kind: 0, pass: Pass::Check, size: Some(40_000), fields };
+/// let check = Event::JobBegin { job: softplug_abi::JobId(1), kind: 0, pass: Pass::Check, size: Some(40_000), fields };
 /// assert!(matches!(check, Event::JobBegin { pass: Pass::Check, .. }));
 /// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Hash)]

@@ -10,13 +10,13 @@
 //!
 //! let mut buffer = [0; 64];
 //! let mut writer = ActionWriter::new(&mut buffer);
-//! writer.push(&Action::Transmit { mark: 0, bytes: b"G1" }).unwrap();
-//! writer.push(&Action::Transmit { mark: 0, bytes: b"X1" }).unwrap();
+//! writer.push(&Action::Transmit { mark: softplug_abi::MarkId::NONE, bytes: b"G1" }).unwrap();
+//! writer.push(&Action::Transmit { mark: softplug_abi::MarkId::NONE, bytes: b"X1" }).unwrap();
 //! let length = writer.len();
 //!
 //! // Neighbouring transmits without a mark become one record.
 //! let actions: Vec<_> = Actions::new(&buffer[..length]).collect::<Result<_, _>>().unwrap();
-//! assert_eq!(actions, [Action::Transmit { mark: 0, bytes: b"G1X1" }]);
+//! assert_eq!(actions, [Action::Transmit { mark: softplug_abi::MarkId::NONE, bytes: b"G1X1" }]);
 //! ```
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]

@@ -26,7 +26,7 @@
 //!
 //! let output = session.step(&Event::Received(b"G1"), Micros(1_000))?;
 //! let actions: Vec<_> = Actions::new(output.actions).collect::<Result<_, _>>()?;
-//! assert_eq!(actions, [Action::Transmit { mark: 0, bytes: b"G1" }]);
+//! assert_eq!(actions, [Action::Transmit { mark: softplug_abi::MarkId::NONE, bytes: b"G1" }]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

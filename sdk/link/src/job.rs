@@ -39,11 +39,11 @@ use softplug_abi::{JobId, Pass, limits};
 /// let mut host = Recorder::default();
 /// line.link.open(Micros(0), &mut host)?;
 /// host.add_source(7, b"G1X2".to_vec());
-/// let job = Job { id: 7, kind: 0, size: Some(4), fields: Vec::new(), check: false };
+/// let job = Job { id: softplug_abi::JobId(7), kind: 0, size: Some(4), fields: Vec::new(), check: false };
 /// line.link.begin_job(Micros(0), job, &mut host)?;
 /// line.tick(Micros(0), &mut host)?;
 /// assert_eq!(host.sent(), b"G1X2");
-/// assert!(host.observed.contains(&(Micros(0), Observed::Done { job: 7, sent: 4 })));
+/// assert!(host.observed.contains(&(Micros(0), Observed::Done { job: softplug_abi::JobId(7), sent: 4 })));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Hash, Debug)]

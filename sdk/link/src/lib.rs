@@ -121,7 +121,7 @@ use softplug_abi::{Action, JobId, Micros};
 /// assert_eq!(host.supply(7, &mut buffer), Supply::Bytes(3));
 /// assert_eq!(host.supply(7, &mut buffer), Supply::Bytes(1));
 /// assert_eq!(host.supply(7, &mut buffer), Supply::End);
-/// host.handle(Micros(4_167), &Action::JobDone { job: 7, sent: 4 });
+/// host.handle(Micros(4_167), &Action::JobDone { job: softplug_abi::JobId(7), sent: 4 });
 /// assert_eq!(host.done, [7]);
 /// ```
 pub trait LinkHost {

@@ -100,13 +100,13 @@ pub struct Delivery {
 ///
 /// // As a link calls it: a delivery in two pieces.
 /// let mut host = Recorder::default();
-/// host.handle(Micros(1_000), &Action::DeliveryBegin { delivery: 1, job: 0 });
-/// host.handle(Micros(1_000), &Action::Deliver { delivery: 1, bytes: b"%\n" });
-/// host.handle(Micros(9_000), &Action::Deliver { delivery: 1, bytes: b"O1\n" });
-/// let end = Action::DeliveryEnd { delivery: 1, failure: None, status: 0 };
+/// host.handle(Micros(1_000), &Action::DeliveryBegin { delivery: softplug_abi::DeliveryId(1), job: softplug_abi::JobId::NONE });
+/// host.handle(Micros(1_000), &Action::Deliver { delivery: softplug_abi::DeliveryId(1), bytes: b"%\n" });
+/// host.handle(Micros(9_000), &Action::Deliver { delivery: softplug_abi::DeliveryId(1), bytes: b"O1\n" });
+/// let end = Action::DeliveryEnd { delivery: softplug_abi::DeliveryId(1), failure: None, status: 0 };
 /// host.handle(Micros(9_000), &end);
 /// assert_eq!(host.deliveries()[0].bytes, b"%\nO1\n");
-/// let whole = Delivery { id: 1, bytes: b"%\nO1\n".to_vec(), ..Delivery::default() };
+/// let whole = Delivery { id: softplug_abi::DeliveryId(1), bytes: b"%\nO1\n".to_vec(), ..Delivery::default() };
 /// assert_eq!(host.observed, [(Micros(9_000), Observed::Delivery(whole))]);
 /// ```
 #[derive(Clone, Debug, Default)]

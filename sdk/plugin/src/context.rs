@@ -39,8 +39,8 @@ pub(crate) struct Rooms {
 ///         link.hold();
 ///         link.transmit(b"later");
 ///         link.set_timer(0, link.now() + Micros::from_secs(1));
-///         link.delivery_begin(1, 0);
-///         link.deliver(1, bytes);
+///         link.delivery_begin(softplug_plugin::DeliveryId(1), softplug_plugin::JobId::NONE);
+///         link.deliver(softplug_plugin::DeliveryId(1), bytes);
 ///         link.delivery_end(1, None, 0);
 ///     }
 ///

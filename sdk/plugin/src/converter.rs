@@ -32,7 +32,7 @@ pub struct Opening {
 /// use softplug_plugin::{JobStart, Pass, Values};
 ///
 /// let start =
-///     JobStart { job: 1, kind: 0, pass: Pass::Run, size: Some(40_000), fields: Values::new(&[]) };
+///     JobStart { job: softplug_plugin::JobId(1), kind: 0, pass: Pass::Run, size: Some(40_000), fields: Values::new(&[]) };
 /// assert_eq!(start.fields.find(0), None);
 /// ```
 #[derive(Clone, Debug)]

@@ -32,17 +32,17 @@ use softplug_abi::{DeliveryId, Instance, JobId, Pass, RequestId};
 /// #     Plugin(act, Vec::new())
 /// # }
 /// let waiting = plugin(|event, actions| match event {
-///     Event::JobBegin { .. } => actions.push(&Action::DeliveryBegin { delivery: 3, job: 0 }),
+///     Event::JobBegin { .. } => actions.push(&Action::DeliveryBegin { delivery: softplug_abi::DeliveryId(3), job: softplug_abi::JobId::NONE }),
 ///     _ => Ok(()),
 /// });
 /// let mut link = Link::new(waiting, LinkOptions::default());
 /// let mut host = Recorder::default();
 /// link.open(Micros(0), &mut host)?;
 /// assert_eq!(link.under_way(), UnderWay::default());
-/// let job = Job { id: 7, kind: 0, size: None, fields: Vec::new(), check: false };
+/// let job = Job { id: softplug_abi::JobId(7), kind: 0, size: None, fields: Vec::new(), check: false };
 /// link.begin_job(Micros(0), job, &mut host)?;
 /// let UnderWay { job, delivery, .. } = link.under_way();
-/// assert_eq!((job, delivery), (Some((7, Pass::Run)), Some(3)));
+/// assert_eq!((job, delivery), (Some((softplug_abi::JobId(7), Pass::Run)), Some(softplug_abi::DeliveryId(3))));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]

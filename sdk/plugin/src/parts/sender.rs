@@ -101,7 +101,7 @@ const UNSETTLED: u8 = 32;
 /// }
 /// bench.run_for_millis(20);
 /// assert_eq!(bench.sent(), b"G1 XG1 X10");
-/// let done = Observed::Done { job: 1, sent: 10 };
+/// let done = Observed::Done { job: softplug_plugin::JobId(1), sent: 10 };
 /// assert!(bench.observed().iter().any(|(_, seen)| *seen == done));
 /// ```
 #[derive(Copy, Clone, Debug, State)]
