@@ -25,7 +25,7 @@ use softplug_machines::{Partner, Signal};
 /// let mut both = ClosedLoop::new(plugin.instantiate(), options, 16, control);
 ///
 /// let mut host = Recorder::default();
-/// host.add_source(1, b"N10 G1 X100\n".to_vec());
+/// host.add_source(softplug_abi::JobId(1), b"N10 G1 X100\n".to_vec());
 /// both.line.link.open(both.now(), &mut host)?;
 /// let check = manifest.needs.check_pass;
 /// let job = Job { id: softplug_abi::JobId(1), kind: 0, size: Some(12), fields: Vec::new(), check };

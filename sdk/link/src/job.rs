@@ -38,7 +38,7 @@ use softplug_abi::{JobId, Pass, limits};
 /// let mut line = VirtualLine::new(sender, LinkOptions::default(), 16);
 /// let mut host = Recorder::default();
 /// line.link.open(Micros(0), &mut host)?;
-/// host.add_source(7, b"G1X2".to_vec());
+/// host.add_source(softplug_abi::JobId(7), b"G1X2".to_vec());
 /// let job = Job { id: softplug_abi::JobId(7), kind: 0, size: Some(4), fields: Vec::new(), check: false };
 /// line.link.begin_job(Micros(0), job, &mut host)?;
 /// line.tick(Micros(0), &mut host)?;

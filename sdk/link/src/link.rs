@@ -498,7 +498,7 @@ impl<I: Instance> Link<I> {
     /// let mut link = Link::new(Sender(Vec::new()), LinkOptions::default());
     /// let mut host = Recorder::default();
     /// link.open(Micros(0), &mut host)?;
-    /// host.add_source(7, vec![b'X'; 900]);
+    /// host.add_source(softplug_abi::JobId(7), vec![b'X'; 900]);
     /// let job = Job { id: softplug_abi::JobId(7), kind: 0, size: Some(900), fields: Vec::new(), check: false };
     /// link.begin_job(Micros(0), job, &mut host)?;
     /// // It was given 508 bytes, and the rest when these were in the queue.

@@ -41,7 +41,7 @@ pub(crate) struct Rooms {
 ///         link.set_timer(0, link.now() + Micros::from_secs(1));
 ///         link.delivery_begin(softplug_plugin::DeliveryId(1), softplug_plugin::JobId::NONE);
 ///         link.deliver(softplug_plugin::DeliveryId(1), bytes);
-///         link.delivery_end(1, None, 0);
+///         link.delivery_end(softplug_plugin::DeliveryId(1), None, 0);
 ///     }
 ///
 ///     fn timer(&mut self, link: &mut Context<'_>, _id: u8, _deadline: Micros) {
