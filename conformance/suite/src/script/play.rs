@@ -157,10 +157,13 @@ impl<'a, P: Partner> Play<'a, P> {
     /// Runs until the job has ended; it must within `span`.
     pub(super) fn end_of(&mut self, job: u32, span: Micros) -> Outcome<End> {
         let until = self.now() + span;
+        // A plug-in may say much and never end: what was looked at is not looked at again.
+        let mut looked_at = 0;
         loop {
-            if let Some(end) = self.ended(job) {
+            if let Some(end) = self.ended_behind(job, looked_at) {
                 return Ok(end);
             }
+            looked_at = self.host.observed.len();
             if !self.step(until)? {
                 return Err(diverged(
                     self.now(),
@@ -201,7 +204,11 @@ impl<'a, P: Partner> Play<'a, P> {
 
     /// How the job ended, if it has.
     pub(super) fn ended(&self, wanted: u32) -> Option<End> {
-        self.host.observed.iter().rev().find_map(|(_, observed)| match observed {
+        self.ended_behind(wanted, 0)
+    }
+
+    fn ended_behind(&self, wanted: u32, looked_at: usize) -> Option<End> {
+        self.host.observed.iter().skip(looked_at).rev().find_map(|(_, observed)| match observed {
             Observed::Done { job, sent } if *job == JobId(wanted) => Some(Ok(*sent)),
             Observed::Failed { job, failure, status, .. } if *job == JobId(wanted) => {
                 Some(Err((*failure, *status)))
