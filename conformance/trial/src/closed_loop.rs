@@ -11,7 +11,7 @@ use softplug_machines::{Partner, Signal};
 ///
 /// ```
 /// use softplug_abi::manifest::Manifest;
-/// use softplug_abi::Micros;
+/// use softplug_abi::{JobId, Micros};
 /// use softplug_trial::ClosedLoop;
 /// use softplug_machines::xon_xoff::{Control, ControlOptions};
 /// use softplug_link::{Job, LinkOptions, Recorder};
@@ -25,10 +25,10 @@ use softplug_machines::{Partner, Signal};
 /// let mut both = ClosedLoop::new(plugin.instantiate(), options, 16, control);
 ///
 /// let mut host = Recorder::default();
-/// host.add_source(softplug_abi::JobId(1), b"N10 G1 X100\n".to_vec());
+/// host.add_source(JobId(1), b"N10 G1 X100\n".to_vec());
 /// both.line.link.open(both.now(), &mut host)?;
 /// let check = manifest.needs.check_pass;
-/// let job = Job { id: softplug_abi::JobId(1), kind: 0, size: Some(12), fields: Vec::new(), check };
+/// let job = Job { id: JobId(1), kind: 0, size: Some(12), fields: Vec::new(), check };
 /// both.line.link.begin_job(both.now(), job, &mut host)?;
 /// both.settle(&mut host)?;
 /// both.wait_until(Micros::from_secs(1), &mut host)?;

@@ -21,7 +21,7 @@ pub struct Setup<'a> {
     pub job_kind: u16,
     /// The job's fields as value records.
     pub records: &'a [u8],
-    /// The same fields as texts, each with its name.
+    /// The job's fields as texts, each with its name.
     pub fields: &'a [(&'a str, &'a str)],
 }
 

@@ -304,7 +304,7 @@ fn an_abort_anywhere_drops_what_has_not_left_and_starts_nothing_else() {
         bench.receive(&[DC1]);
         bench.run_for_millis(50);
         assert_eq!(&bench.sent()[sent.len()..], b"\0\0\0%\nO2\n%\0\0\0");
-        let done = Observed::Done { job: JobId(second), sent: 12 };
+        let done = Observed::Done { job: second, sent: 12 };
         assert_eq!(ends(bench.observed())[1].1, done);
     }
 }

@@ -126,7 +126,7 @@ fn run(
     let options = Bench::<FanucRs232>::new().set_all(settings).room(room.0, room.1);
     let mut bench = if drains { options } else { options.drain_by_hand() }.open();
     let mut is_up = true;
-    let mut job = 0;
+    let mut job = JobId::NONE;
     let mut answered = 0;
     for happening in happenings {
         let has_job = bench.link().job().is_some();
@@ -147,16 +147,16 @@ fn run(
             }
             Happening::Send(program) if !has_job => job = bench.send(&program),
             Happening::Abort(true) if has_job => {
-                bench.host(|link, now, host| link.abort(now, JobId(job), host));
+                bench.host(|link, now, host| link.abort(now, job, host));
             }
             Happening::Abort(false) => {
                 bench.host(|link, now, host| link.abort(now, JobId::NONE, host));
             }
             Happening::Pause(true) if has_job => {
-                bench.host(|link, now, host| link.pause(now, JobId(job), host));
+                bench.host(|link, now, host| link.pause(now, job, host));
             }
             Happening::Pause(false) if has_job => {
-                bench.host(|link, now, host| link.resume(now, JobId(job), host));
+                bench.host(|link, now, host| link.resume(now, job, host));
             }
             Happening::ForceResume => {
                 bench.host(|link, now, host| link.force_resume(now, host));

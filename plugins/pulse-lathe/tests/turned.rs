@@ -5,7 +5,7 @@ use pulse_lathe::PulseLathe;
 use softplug_machines::Partner;
 use softplug_machines::pulse_lathe::{Lathe, LatheOptions};
 use softplug_plugin::bench::{Bench, BenchOptions, Observed};
-use softplug_plugin::{JobId, LineParameters, Micros};
+use softplug_plugin::{LineParameters, Micros};
 
 const PERIOD: Micros = Micros(250);
 
@@ -39,9 +39,9 @@ fn turned(options: BenchOptions<PulseLathe>, program: &str, pause_at: Option<Mic
             bench.receive(&[byte]);
         }
         if pause_at.is_some_and(|at| at > now - PERIOD && at <= now) {
-            bench.host(|link, now, outside| link.pause(now, JobId(job), outside));
+            bench.host(|link, now, outside| link.pause(now, job, outside));
             bench.run_for_millis(777);
-            bench.host(|link, now, outside| link.resume(now, JobId(job), outside));
+            bench.host(|link, now, outside| link.resume(now, job, outside));
         }
     }
     // The last byte.

@@ -349,7 +349,7 @@ fn an_abort_lets_the_block_become_whole() {
     let job = bench.send(&[b'a'; 300]);
     assert_eq!(ear.after(&mut bench, &[C], 100).len(), 97);
     bench.swap();
-    bench.host(|link, now, host| link.abort(now, JobId(job), host));
+    bench.host(|link, now, host| link.abort(now, job, host));
     let rest = [block(1, &[b'a'; 128])[97..].to_vec(), vec![CAN; 8]].concat();
     assert_eq!(ear.after(&mut bench, &[], 500), rest);
     assert_eq!(job_end(&bench), Some((Some(Failure::Aborted), 133)));

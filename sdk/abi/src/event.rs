@@ -68,10 +68,10 @@ codes! {
 /// Whether a job is only checked or carried out.
 ///
 /// ```
-/// use softplug_abi::{Event, Pass, Values};
+/// use softplug_abi::{Event, JobId, Pass, Values};
 ///
 /// let fields = Values::new(&[]);
-/// let check = Event::JobBegin { job: softplug_abi::JobId(1), kind: 0, pass: Pass::Check, size: Some(40_000), fields };
+/// let check = Event::JobBegin { job: JobId(1), kind: 0, pass: Pass::Check, size: Some(40_000), fields };
 /// assert!(matches!(check, Event::JobBegin { pass: Pass::Check, .. }));
 /// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Hash)]

@@ -6,17 +6,17 @@
 //! language; the golden tests of this crate freeze the bytes.
 //!
 //! ```
-//! use softplug_abi::{Action, ActionWriter, Actions};
+//! use softplug_abi::{Action, ActionWriter, Actions, MarkId};
 //!
 //! let mut buffer = [0; 64];
 //! let mut writer = ActionWriter::new(&mut buffer);
-//! writer.push(&Action::Transmit { mark: softplug_abi::MarkId::NONE, bytes: b"G1" }).unwrap();
-//! writer.push(&Action::Transmit { mark: softplug_abi::MarkId::NONE, bytes: b"X1" }).unwrap();
+//! writer.push(&Action::Transmit { mark: MarkId::NONE, bytes: b"G1" }).unwrap();
+//! writer.push(&Action::Transmit { mark: MarkId::NONE, bytes: b"X1" }).unwrap();
 //! let length = writer.len();
 //!
 //! // Neighbouring transmits without a mark become one record.
 //! let actions: Vec<_> = Actions::new(&buffer[..length]).collect::<Result<_, _>>().unwrap();
-//! assert_eq!(actions, [Action::Transmit { mark: softplug_abi::MarkId::NONE, bytes: b"G1X1" }]);
+//! assert_eq!(actions, [Action::Transmit { mark: MarkId::NONE, bytes: b"G1X1" }]);
 //! ```
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]

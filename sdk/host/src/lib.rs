@@ -15,7 +15,7 @@
 //! the crate builds for machines that no compiler supports, `wasm32-unknown-unknown` among them.
 //!
 //! ```
-//! use softplug_abi::{Action, Actions, Event, Instance, Micros};
+//! use softplug_abi::{Action, Actions, Event, Instance, MarkId, Micros};
 //! use softplug_host::{Host, HostOptions};
 //!
 //! # let wasm = wat::parse_file("tests/guests/echo.wat")?;
@@ -26,7 +26,7 @@
 //!
 //! let output = session.step(&Event::Received(b"G1"), Micros(1_000))?;
 //! let actions: Vec<_> = Actions::new(output.actions).collect::<Result<_, _>>()?;
-//! assert_eq!(actions, [Action::Transmit { mark: softplug_abi::MarkId::NONE, bytes: b"G1" }]);
+//! assert_eq!(actions, [Action::Transmit { mark: MarkId::NONE, bytes: b"G1" }]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

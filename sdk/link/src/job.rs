@@ -6,7 +6,7 @@ use softplug_abi::{JobId, Pass, limits};
 /// A job to begin.
 ///
 /// ```
-/// use softplug_abi::{Event, Micros};
+/// use softplug_abi::{Event, JobId, Micros};
 /// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
 /// use softplug_abi::Action;
 /// use softplug_link::{Job, LinkOptions, Observed, Recorder, VirtualLine};
@@ -38,12 +38,12 @@ use softplug_abi::{JobId, Pass, limits};
 /// let mut line = VirtualLine::new(sender, LinkOptions::default(), 16);
 /// let mut host = Recorder::default();
 /// line.link.open(Micros(0), &mut host)?;
-/// host.add_source(softplug_abi::JobId(7), b"G1X2".to_vec());
-/// let job = Job { id: softplug_abi::JobId(7), kind: 0, size: Some(4), fields: Vec::new(), check: false };
+/// host.add_source(JobId(7), b"G1X2".to_vec());
+/// let job = Job { id: JobId(7), kind: 0, size: Some(4), fields: Vec::new(), check: false };
 /// line.link.begin_job(Micros(0), job, &mut host)?;
 /// line.tick(Micros(0), &mut host)?;
 /// assert_eq!(host.sent(), b"G1X2");
-/// assert!(host.observed.contains(&(Micros(0), Observed::Done { job: softplug_abi::JobId(7), sent: 4 })));
+/// assert!(host.observed.contains(&(Micros(0), Observed::Done { job: JobId(7), sent: 4 })));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Hash, Debug)]

@@ -118,11 +118,11 @@ use softplug_abi::{Action, JobId, Micros};
 ///
 /// let mut host = Host { program: b"G1X2", done: Vec::new() };
 /// let mut buffer = [0; 3];
-/// assert_eq!(host.supply(softplug_abi::JobId(7), &mut buffer), Supply::Bytes(3));
-/// assert_eq!(host.supply(softplug_abi::JobId(7), &mut buffer), Supply::Bytes(1));
-/// assert_eq!(host.supply(softplug_abi::JobId(7), &mut buffer), Supply::End);
-/// host.handle(Micros(4_167), &Action::JobDone { job: softplug_abi::JobId(7), sent: 4 });
-/// assert_eq!(host.done, [softplug_abi::JobId(7)]);
+/// assert_eq!(host.supply(JobId(7), &mut buffer), Supply::Bytes(3));
+/// assert_eq!(host.supply(JobId(7), &mut buffer), Supply::Bytes(1));
+/// assert_eq!(host.supply(JobId(7), &mut buffer), Supply::End);
+/// host.handle(Micros(4_167), &Action::JobDone { job: JobId(7), sent: 4 });
+/// assert_eq!(host.done, [JobId(7)]);
 /// ```
 pub trait LinkHost {
     /// The plug-in did something that concerns the host: deliveries, ends of

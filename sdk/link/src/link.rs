@@ -475,7 +475,7 @@ impl<I: Instance> Link<I> {
     /// the plug-in is given at once, and by a little.
     ///
     /// ```
-    /// # use softplug_abi::{Action, ActionWriter, Event, Instance, Micros, NoSpace, Output};
+    /// # use softplug_abi::{Action, ActionWriter, Event, Instance, JobId, Micros, NoSpace, Output};
     /// # use softplug_link::{Job, Link, LinkOptions, Recorder};
     /// # struct Sender(Vec<u8>);
     /// # impl Instance for Sender {
@@ -498,8 +498,8 @@ impl<I: Instance> Link<I> {
     /// let mut link = Link::new(Sender(Vec::new()), LinkOptions::default());
     /// let mut host = Recorder::default();
     /// link.open(Micros(0), &mut host)?;
-    /// host.add_source(softplug_abi::JobId(7), vec![b'X'; 900]);
-    /// let job = Job { id: softplug_abi::JobId(7), kind: 0, size: Some(900), fields: Vec::new(), check: false };
+    /// host.add_source(JobId(7), vec![b'X'; 900]);
+    /// let job = Job { id: JobId(7), kind: 0, size: Some(900), fields: Vec::new(), check: false };
     /// link.begin_job(Micros(0), job, &mut host)?;
     /// // It was given 508 bytes, and the rest when these were in the queue.
     /// assert_eq!(link.characters(), 900);

@@ -95,18 +95,18 @@ pub struct Delivery {
 /// Keeps all that happens, and supplies jobs from memory.
 ///
 /// ```
-/// use softplug_abi::{Action, Micros};
+/// use softplug_abi::{Action, DeliveryId, JobId, Micros};
 /// use softplug_link::{Delivery, Observed, LinkHost, Recorder};
 ///
 /// // As a link calls it: a delivery in two pieces.
 /// let mut host = Recorder::default();
-/// host.handle(Micros(1_000), &Action::DeliveryBegin { delivery: softplug_abi::DeliveryId(1), job: softplug_abi::JobId::NONE });
-/// host.handle(Micros(1_000), &Action::Deliver { delivery: softplug_abi::DeliveryId(1), bytes: b"%\n" });
-/// host.handle(Micros(9_000), &Action::Deliver { delivery: softplug_abi::DeliveryId(1), bytes: b"O1\n" });
-/// let end = Action::DeliveryEnd { delivery: softplug_abi::DeliveryId(1), failure: None, status: 0 };
+/// host.handle(Micros(1_000), &Action::DeliveryBegin { delivery: DeliveryId(1), job: JobId::NONE });
+/// host.handle(Micros(1_000), &Action::Deliver { delivery: DeliveryId(1), bytes: b"%\n" });
+/// host.handle(Micros(9_000), &Action::Deliver { delivery: DeliveryId(1), bytes: b"O1\n" });
+/// let end = Action::DeliveryEnd { delivery: DeliveryId(1), failure: None, status: 0 };
 /// host.handle(Micros(9_000), &end);
 /// assert_eq!(host.deliveries()[0].bytes, b"%\nO1\n");
-/// let whole = Delivery { id: softplug_abi::DeliveryId(1), bytes: b"%\nO1\n".to_vec(), ..Delivery::default() };
+/// let whole = Delivery { id: DeliveryId(1), bytes: b"%\nO1\n".to_vec(), ..Delivery::default() };
 /// assert_eq!(host.observed, [(Micros(9_000), Observed::Delivery(whole))]);
 /// ```
 #[derive(Clone, Debug, Default)]

@@ -40,7 +40,7 @@ pub struct Bench<C: Converter> {
     line: VirtualLine<Native<C>>,
     recorder: Recorder,
     now: Micros,
-    next_job: u32,
+    next_job: JobId,
     check_pass: bool,
     /// What the manifest says of states.
     said: StateFormats,
@@ -161,17 +161,17 @@ impl<C: Converter> Bench<C> {
     }
 
     /// Begins a job of the first kind with this data; returns its id.
-    pub fn send(&mut self, data: &[u8]) -> u32 {
+    pub fn send(&mut self, data: &[u8]) -> JobId {
         self.begin_job(0, Vec::new(), data)
     }
 
     /// Begins a job; `fields` are value records. Returns its id.
-    pub fn begin_job(&mut self, kind: u16, fields: Vec<u8>, data: &[u8]) -> u32 {
+    pub fn begin_job(&mut self, kind: u16, fields: Vec<u8>, data: &[u8]) -> JobId {
         let id = self.next_job;
-        self.next_job += 1;
-        self.recorder.add_source(JobId(id), data.to_vec());
+        self.next_job = id.next();
+        self.recorder.add_source(id, data.to_vec());
         let check = self.check_pass;
-        let job = Job { id: JobId(id), kind, size: Some(data.len() as u64), fields, check };
+        let job = Job { id, kind, size: Some(data.len() as u64), fields, check };
         let begun = self.line.link.begin_job(self.now, job, &mut self.recorder);
         self.went_well(begun);
         self.settle();
@@ -179,7 +179,7 @@ impl<C: Converter> Bench<C> {
     }
 
     /// Anything else that the host may do, such as
-    /// `|link, now, outside| link.abort(now, 1, outside)`.
+    /// `|link, now, host| link.abort(now, JobId(1), host)`.
     pub fn host(
         &mut self,
         act: impl FnOnce(
@@ -348,7 +348,7 @@ impl<C: Converter> BenchOptions<C> {
             line,
             recorder,
             now: Micros::ZERO,
-            next_job: 1,
+            next_job: JobId(1),
             check_pass,
             said: self.manifest.state,
             source_rate: self.source_rate,

@@ -21,7 +21,7 @@ pub(crate) struct Rooms {
 ///
 /// ```
 /// use softplug_plugin::bench::{Bench, Observed};
-/// use softplug_plugin::{Context, Converter, Micros};
+/// use softplug_plugin::{Context, Converter, DeliveryId, JobId, Micros};
 ///
 /// /// Delivers each character, and holds its own sending for a second at the first.
 /// struct Quiet;
@@ -39,9 +39,9 @@ pub(crate) struct Rooms {
 ///         link.hold();
 ///         link.transmit(b"later");
 ///         link.set_timer(0, link.now() + Micros::from_secs(1));
-///         link.delivery_begin(softplug_plugin::DeliveryId(1), softplug_plugin::JobId::NONE);
-///         link.deliver(softplug_plugin::DeliveryId(1), bytes);
-///         link.delivery_end(softplug_plugin::DeliveryId(1), None, 0);
+///         link.delivery_begin(DeliveryId(1), JobId::NONE);
+///         link.deliver(DeliveryId(1), bytes);
+///         link.delivery_end(DeliveryId(1), None, 0);
 ///     }
 ///
 ///     fn timer(&mut self, link: &mut Context<'_>, _id: u8, _deadline: Micros) {

@@ -29,10 +29,10 @@ pub struct Opening {
 /// A job at its beginning.
 ///
 /// ```
-/// use softplug_plugin::{JobStart, Pass, Values};
+/// use softplug_plugin::{JobId, JobStart, Pass, Values};
 ///
 /// let start =
-///     JobStart { job: softplug_plugin::JobId(1), kind: 0, pass: Pass::Run, size: Some(40_000), fields: Values::new(&[]) };
+///     JobStart { job: JobId(1), kind: 0, pass: Pass::Run, size: Some(40_000), fields: Values::new(&[]) };
 /// assert_eq!(start.fields.find(0), None);
 /// ```
 #[derive(Clone, Debug)]

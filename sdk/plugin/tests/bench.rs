@@ -121,7 +121,7 @@ impl Converter for Relay {
 fn a_job_leaves_at_the_lines_rate() {
     let mut bench = Bench::<Relay>::new().line(LineParameters::new(10_000)).open();
     let job = bench.send(b"ABCDEFGH");
-    assert_eq!((job, bench.now()), (1, Micros::ZERO));
+    assert_eq!((job, bench.now()), (JobId(1), Micros::ZERO));
     bench.run_for_millis(5);
     assert_eq!(bench.sent(), b"ABCDEF");
     assert_eq!(bench.link().waiting(), 2);
@@ -130,7 +130,7 @@ fn a_job_leaves_at_the_lines_rate() {
     bench.run_until(Micros(8_000));
     let last = bench.observed().last().unwrap();
     assert_eq!(last, &(Micros(8_000), Observed::Done { job: JobId(1), sent: 8 }));
-    assert_eq!(bench.send(b""), 2, "ids go up");
+    assert_eq!(bench.send(b""), JobId(2), "ids go up");
 }
 
 #[test]

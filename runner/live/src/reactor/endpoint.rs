@@ -3,7 +3,7 @@
 
 use mio::Registry;
 use mio::event::Event;
-use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
+use softplug_abi::{JobId, LineErrorKind, LineParameters, Micros, ModemLines};
 use softplug_link::Supply;
 use std::fmt::Debug;
 use std::io;
@@ -13,7 +13,7 @@ use std::ops::Range;
 use super::job_end::JobOutcome;
 
 /// Jobs with this id and above are an endpoint's.
-pub const ENDPOINT_JOBS: u32 = 0x8000_0000;
+pub const ENDPOINT_JOBS: JobId = JobId(0x8000_0000);
 
 /// An endpoint on a lane.
 #[derive(Debug)]

@@ -218,7 +218,7 @@ impl LaneHost {
         match self.job.take_if(|active| active.id == job) {
             Some(active) => self.ended = Some(Ended { active, outcome, sent }),
             // It found another under way.
-            None if job < JobId(ENDPOINT_JOBS) => {
+            None if job < ENDPOINT_JOBS => {
                 let end = JobEnd::unbegun(job, outcome, sent);
                 self.tell_of_action(now, Report::JobEnded(end));
             }
@@ -227,7 +227,7 @@ impl LaneHost {
     }
 
     fn begin_delivery(&mut self, now: Micros, id: DeliveryId, job: JobId) {
-        let is_for_client = job == JobId::NONE || job >= JobId(ENDPOINT_JOBS);
+        let is_for_client = job == JobId::NONE || job >= ENDPOINT_JOBS;
         let client = self.endpoint.as_ref().filter(|lane| lane.endpoint.takes_deliveries());
         let to = if is_for_client && client.is_some() {
             None

@@ -8,7 +8,7 @@ use softplug_abi::{DeliveryId, Instance, JobId, Pass, RequestId};
 /// What is under way on a link: what a plug-in that takes over finds there.
 ///
 /// ```
-/// use softplug_abi::{Event, Micros};
+/// use softplug_abi::{DeliveryId, Event, JobId, Micros};
 /// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
 /// use softplug_abi::{Action, Pass};
 /// use softplug_link::{Job, Link, LinkOptions, Recorder, UnderWay};
@@ -32,17 +32,17 @@ use softplug_abi::{DeliveryId, Instance, JobId, Pass, RequestId};
 /// #     Plugin(act, Vec::new())
 /// # }
 /// let waiting = plugin(|event, actions| match event {
-///     Event::JobBegin { .. } => actions.push(&Action::DeliveryBegin { delivery: softplug_abi::DeliveryId(3), job: softplug_abi::JobId::NONE }),
+///     Event::JobBegin { .. } => actions.push(&Action::DeliveryBegin { delivery: DeliveryId(3), job: JobId::NONE }),
 ///     _ => Ok(()),
 /// });
 /// let mut link = Link::new(waiting, LinkOptions::default());
 /// let mut host = Recorder::default();
 /// link.open(Micros(0), &mut host)?;
 /// assert_eq!(link.under_way(), UnderWay::default());
-/// let job = Job { id: softplug_abi::JobId(7), kind: 0, size: None, fields: Vec::new(), check: false };
+/// let job = Job { id: JobId(7), kind: 0, size: None, fields: Vec::new(), check: false };
 /// link.begin_job(Micros(0), job, &mut host)?;
 /// let UnderWay { job, delivery, .. } = link.under_way();
-/// assert_eq!((job, delivery), (Some((softplug_abi::JobId(7), Pass::Run)), Some(softplug_abi::DeliveryId(3))));
+/// assert_eq!((job, delivery), (Some((JobId(7), Pass::Run)), Some(DeliveryId(3))));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]

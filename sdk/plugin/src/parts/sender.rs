@@ -34,7 +34,7 @@ const UNSETTLED: u8 = 32;
 /// ```
 /// use softplug_plugin::bench::{Bench, Observed};
 /// use softplug_plugin::parts::BlockSender;
-/// use softplug_plugin::{Context, Converter, Failure, JobStart, parts};
+/// use softplug_plugin::{Context, Converter, Failure, JobId, JobStart, parts};
 ///
 /// const ACK: u8 = 0x06;
 /// const NAK: u8 = 0x15;
@@ -101,7 +101,7 @@ const UNSETTLED: u8 = 32;
 /// }
 /// bench.run_for_millis(20);
 /// assert_eq!(bench.sent(), b"G1 XG1 X10");
-/// let done = Observed::Done { job: softplug_plugin::JobId(1), sent: 10 };
+/// let done = Observed::Done { job: JobId(1), sent: 10 };
 /// assert!(bench.observed().iter().any(|(_, seen)| *seen == done));
 /// ```
 #[derive(Copy, Clone, Debug, State)]

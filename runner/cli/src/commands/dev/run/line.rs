@@ -32,7 +32,7 @@ pub(super) struct Line<'a> {
     screen: &'a Screen,
     host: DevHost<'a>,
     station: Option<Station<AnyInstance>>,
-    next_job: u32,
+    next_job: JobId,
 }
 
 impl<'a> Line<'a> {
@@ -54,7 +54,7 @@ impl<'a> Line<'a> {
             bytes: 0,
             drained: 0,
         };
-        Self { port, arguments, screen, host, station: None, next_job: 1 }
+        Self { port, arguments, screen, host, station: None, next_job: JobId(1) }
     }
 
     /// Runs the latest plug-in until `stop`.
@@ -141,13 +141,13 @@ impl<'a> Line<'a> {
         let Some(kind) = kind.filter(|_| station.link().job().is_none()) else { return };
         self.host.given = 0;
         let job = Job {
-            id: JobId(self.next_job),
+            id: self.next_job,
             kind,
             size: Some(self.host.data.len() as u64),
             fields: Vec::new(),
             check: manifest.needs.check_pass,
         };
-        self.next_job += 1;
+        self.next_job = self.next_job.next();
         let begun = station.begin_job(job, &mut self.host);
         self.look_at(begun.map(|()| Turn::Live));
     }

@@ -59,13 +59,13 @@ impl<I: LaneInstance> Lane<I> {
         let Some(from) = self.place_if_up() else { return };
         let Some(lane) = &self.host.endpoint else { return };
         let job = Job {
-            id: JobId(self.next_endpoint_job),
+            id: self.next_endpoint_job,
             kind: lane.job_kind,
             size: None,
             fields: lane.fields.clone(),
             check: lane.check,
         };
-        self.next_endpoint_job = self.next_endpoint_job.checked_add(1).unwrap_or(ENDPOINT_JOBS);
+        self.next_endpoint_job = self.next_endpoint_job.next().max(ENDPOINT_JOBS);
         self.host.begin_endpoint(job.id, from);
         self.ask(thread, |link, now, host| link.begin_job(now, job, host));
     }
@@ -86,12 +86,8 @@ impl<I: LaneInstance> Lane<I> {
             EndpointRequest::ModemLines(mask, on) => self.set_modem_lines(thread, mask, on),
             EndpointRequest::Break(on) => self.set_break(thread, on),
             EndpointRequest::Purge => {
-                if let Some(job) = self
-                    .host
-                    .job
-                    .as_ref()
-                    .map(|active| active.id)
-                    .filter(|id| *id >= JobId(ENDPOINT_JOBS))
+                if let Some(job) =
+                    self.host.job.as_ref().map(|active| active.id).filter(|id| *id >= ENDPOINT_JOBS)
                 {
                     self.ask(thread, |link, now, host| link.abort(now, job, host));
                 }
@@ -145,7 +141,7 @@ impl<I: LaneInstance> Lane<I> {
         };
         // A plug-in counts what the port was given, and cannot know that it stopped there.
         let sent = if outcome == JobOutcome::Done { sent } else { sent.min(left.surely) };
-        if active.id < JobId(ENDPOINT_JOBS) {
+        if active.id < ENDPOINT_JOBS {
             let is_done = outcome == JobOutcome::Done;
             let maybe = if is_done { active.taken } else { channel.job_may_have_left(now) };
             self.host.tell(Report::JobEnded(JobEnd {
@@ -177,7 +173,7 @@ impl<I: LaneInstance> Lane<I> {
         let is_hungry = self.host.job.as_ref().is_some_and(|active| {
             active.is_hungry
                 && active.taken > 0
-                && active.id < JobId(ENDPOINT_JOBS)
+                && active.id < ENDPOINT_JOBS
                 && !active.is_source_stopped()
         });
         let is_free = |channel: &crate::channel::Channel<Recorded<I>>| {

@@ -8,7 +8,7 @@ mod watchdogs;
 
 use mio::unix::SourceFd;
 use softplug_abi::limits::FUEL_PER_EVENT;
-use softplug_abi::{Instance, Micros};
+use softplug_abi::{Instance, JobId, Micros};
 use softplug_link::{Link, LinkFault, LinkHost};
 use std::ops::Range;
 use std::os::fd::AsRawFd;
@@ -64,7 +64,7 @@ pub(in crate::reactor) struct Lane<I: Instance> {
     swapping: Swapping<I>,
     recorder_bytes: usize,
     status: Arc<LaneStatus>,
-    next_endpoint_job: u32,
+    next_endpoint_job: JobId,
     /// No plug-in that works is in it.
     is_faulted: bool,
     starved_since: Option<Micros>,
