@@ -118,6 +118,7 @@ const enum Stage {
     Idle,
     Checking,
     Feeding,
+    Closing,
     Draining,
     Stopping,
 }
@@ -149,6 +150,7 @@ class State {
     xoffAt: i64;
     job: u32;
     wanted: u32; // asked for and not yet given
+    unqueued: u32; // bytes of the feed's strings that found no room yet
     line: u32;
     column: u32;
     delivery: u32;
@@ -175,7 +177,7 @@ class State {
 }
 
 // @ts-ignore: decorator
-@inline const STATE: usize = memory.data(120, 8);
+@inline const STATE: usize = memory.data(128, 8);
 const STATE_BYTES: u32 = offsetof<State>();
 // @ts-ignore: decorator
 @inline const s: State = changetype<State>(STATE);
@@ -294,10 +296,13 @@ function forgetHold(): void {
     released();
 }
 
+function isFeeding(): bool {
+    return s.stage >= Stage.Feeding && s.stage <= Stage.Draining;
+}
+
 /** A hold is timed only while there is a job to fail. */
 function watchHold(): void {
-    const sends = s.stage == Stage.Feeding || s.stage == Stage.Draining;
-    if (s.held && sends && number(Setting.HeldTimeout) > 0)
+    if (s.held && isFeeding() && number(Setting.HeldTimeout) > 0)
         setTimer(Timer.Held, after(number(Setting.HeldTimeout)));
 }
 
@@ -312,13 +317,14 @@ function finish(): void {
     s.paused = false;
     s.waitsForXon = false;
     s.wanted = 0;
+    s.unqueued = 0;
     setTimer(Timer.Held, NEVER);
     updateHold();
 }
 
 /** Stops at once and drops what is queued; the job fails when it is known how much that was. */
 function stop(failure: i32): void {
-    if (s.stage == Stage.Feeding || s.stage == Stage.Draining) {
+    if (isFeeding()) {
         link.discard();
         s.stage = Stage.Stopping;
         s.stopping = failure;
@@ -331,9 +337,13 @@ function stop(failure: i32): void {
 function discarded(bytes: u32): void {
     if (s.stage != Stage.Stopping) return;
     // What an abort before this one sent may have waited still, and is among these bytes.
-    link.jobFailed(s.job, s.stopping, 0, s.queued - min<u64>(bytes, s.queued));
-    if (s.stopping == Failure.Aborted && lengthOf(Setting.AbortSend) <= link.transmitRoom)
-        link.transmit(bytesOf(Setting.AbortSend), lengthOf(Setting.AbortSend));
+    const ofJob = <u32>min<u64>(bytes, s.queued);
+    link.jobFailed(s.job, s.stopping, 0, s.queued - ofJob);
+    const length = lengthOf(Setting.AbortSend);
+    let words = s.stopping == Failure.Aborted ? length : min<u32>(bytes - ofJob, length);
+    if (s.stopping == Failure.LinkDown) words = 0;
+    if (words > 0 && words <= link.transmitRoom)
+        link.transmit(bytesOf(Setting.AbortSend) + length - words, words);
     finish();
 }
 
@@ -356,6 +366,26 @@ function ask(): void {
     }
 }
 
+/** Queues of the strings around the program what there is room for. */
+function queueStrings(): void {
+    const start = lengthOf(Setting.FeedStart);
+    const end: u32 = s.stage == Stage.Closing ? lengthOf(Setting.FeedEnd) : 0;
+    for (; s.unqueued > 0 && link.transmitRoom > 0; s.unqueued--) {
+        const at = start + end - s.unqueued;
+        queue(at < start ? bytesOf(Setting.FeedStart) + at : bytesOf(Setting.FeedEnd) + at - start, 1);
+    }
+    if (s.stage == Stage.Closing && s.unqueued == 0) {
+        link.transmitMarked(s.job, 0, 0);
+        s.stage = Stage.Draining;
+    }
+}
+
+/** Does what there is room for. */
+function goOn(): void {
+    queueStrings();
+    if (s.unqueued == 0) ask();
+}
+
 function jobBegin(): void {
     const job = load<u32>(INPUT);
     if (s.stage != Stage.Idle || load<u16>(INPUT, 4) != 0) {
@@ -374,9 +404,9 @@ function jobBegin(): void {
         s.waitsForXon = number(Setting.WaitForXon) != 0;
         updateHold();
         watchHold();
-        queue(bytesOf(Setting.FeedStart), lengthOf(Setting.FeedStart));
+        s.unqueued = lengthOf(Setting.FeedStart);
     }
-    ask();
+    goOn();
 }
 
 /** What becomes of a byte of a program. */
@@ -433,9 +463,9 @@ function jobEnd(): void {
         link.checkResult(s.job, 0, 0, 0, 0);
         s.stage = Stage.Idle;
     } else if (s.stage == Stage.Feeding) {
-        queue(bytesOf(Setting.FeedEnd), lengthOf(Setting.FeedEnd));
-        link.transmitMarked(s.job, 0, 0);
-        s.stage = Stage.Draining;
+        s.stage = Stage.Closing;
+        s.unqueued += lengthOf(Setting.FeedEnd);
+        queueStrings();
     }
 }
 
@@ -572,16 +602,17 @@ function afterBytes(): void {
 
 /** A damaged character keeps its place, so that its neighbours keep theirs. */
 function damaged(kind: i32, hasByte: bool, at: usize): void {
-    if (s.delivery == 0 && (kind == LineError.Break || !hasByte)) return;
+    // What is lost cannot be kept, and may have been the beginning.
+    const isLost = kind == LineError.Overrun;
+    if (s.delivery == 0 && !isLost && (kind == LineError.Break || !hasByte)) return;
     beginDelivery();
-    // What is lost cannot be kept.
-    if (kind == LineError.Overrun) s.failure = Failure.Overrun;
+    if (isLost) s.failure = Failure.Overrun;
     else if (number(Setting.OnLineError) == 0 && s.failure == 0) s.failure = Failure.LineError;
+    // What stands around it is apart.
+    s.escaped = false;
+    s.receiveLines = Line.Within;
+    s.markProgress = 0;
     if (hasByte) {
-        // What stands around it is apart.
-        s.escaped = false;
-        s.receiveLines = Line.Within;
-        s.markProgress = 0;
         countAfterXoff();
         deliver(at, 1);
     }
@@ -682,8 +713,10 @@ function takeSettings(length: u32): i32 {
     makeSet(RECEIVE_DROPS, Setting.ReceiveDrop);
     if (control(byteOf(Setting.Xon)) == control(byteOf(Setting.Xoff))) return Refusal.Settings;
     if (!number(Setting.Transparent)) return 0;
-    // The escape must be no control byte, and no escaped byte may be one.
-    let clashes = control(byteOf(Setting.Escape)) != Setting.Count;
+    // No data byte may be a control byte in other bits alone, the escape must be none, and no
+    // escaped byte may be one.
+    let clashes = (number(Setting.ParityMask) & 0x7f) != 0x7f;
+    if (control(byteOf(Setting.Escape)) != Setting.Count) clashes = true;
     for (let byte = 0; byte < 256; byte++) {
         if (mustEscape(<u8>byte) && mustEscape(<u8>byte ^ byteOf(Setting.EscapeXor))) clashes = true;
     }
@@ -752,7 +785,7 @@ function event(kind: i32, length: u32): i32 {
             left(load<u32>(INPUT));
             break;
         case Event.TransmitRoom:
-            ask();
+            goOn();
             return 0;
         case Event.Discarded:
             discarded(load<u32>(INPUT));

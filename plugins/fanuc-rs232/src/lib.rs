@@ -174,7 +174,7 @@ impl Converter for FanucRs232 {
     }
 
     fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
-        self.kept.punch.mark(mark, state);
+        self.kept.punch.mark(link, mark, state);
         if self.is_packets {
             self.kept.remote_buffer.mark(link, &self.settings, state);
         } else {
@@ -196,6 +196,11 @@ impl Converter for FanucRs232 {
     }
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
+        let is_free = !self.kept.feed.is_busy() && self.kept.remote_buffer.state().is_none();
+        if is_free && job.pass == Pass::Check {
+            // A job before may have failed in its check while it was paused.
+            self.set_paused(link, false);
+        }
         // The feed does every check, and refuses what is no program.
         if self.is_packets && job.pass == Pass::Run && job.kind == 0 {
             self.kept.remote_buffer.job_begin(

@@ -3,7 +3,7 @@
 use softplug_plugin::{Context, Micros};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
-/// When the timer runs out, in µs on the link's clock; 0: it does not run.
+/// One more than when the timer runs out, in µs on the link's clock; 0: it does not run.
 #[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
 #[repr(transparent)]
 pub(crate) struct Timer(i64);
@@ -22,7 +22,7 @@ impl Timer {
     /// For a time that is only compared.
     #[inline(never)]
     pub(crate) fn start_silently(&mut self, link: &Context<'_>, millis: i64) {
-        self.0 = link.now().0 + millis * 1_000;
+        self.0 = link.now().0 + millis * 1_000 + 1;
     }
 
     #[inline(never)]
@@ -39,14 +39,14 @@ impl Timer {
     }
 
     pub(crate) fn is_over(self, link: &Context<'_>) -> bool {
-        link.now().0 >= self.0
+        link.now().0 >= self.0 - 1
     }
 
     /// Sets the timer again, if it runs: after a restore.
     #[inline(never)]
     pub(crate) fn resume(self, link: &mut Context<'_>, id: u8) {
         if self.0 != 0 {
-            link.set_timer(id, Micros(self.0));
+            link.set_timer(id, Micros(self.0 - 1));
         }
     }
 }

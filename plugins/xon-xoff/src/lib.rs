@@ -141,7 +141,7 @@ impl Converter for XonXoff {
     }
 
     fn transmit_room(&mut self, link: &mut Context<'_>) {
-        self.sender.ask(link, &self.settings);
+        self.sender.go_on(link, &self.settings);
     }
 
     fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {

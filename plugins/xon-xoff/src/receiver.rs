@@ -134,24 +134,24 @@ impl Receiver {
         kind: LineErrorKind,
         byte: Option<u8>,
     ) {
-        if self.delivery == DeliveryId::NONE && (kind == LineErrorKind::Break || byte.is_none()) {
+        // What is lost cannot be kept, and may have been the beginning.
+        let is_lost = kind == LineErrorKind::Overrun;
+        let is_nothing = !is_lost && (kind == LineErrorKind::Break || byte.is_none());
+        if is_nothing && self.delivery == DeliveryId::NONE {
             return;
         }
         self.begin(link);
-        if kind == LineErrorKind::Overrun {
-            // What is lost cannot be kept.
+        if is_lost {
             self.failure = Some(Failure::Overrun);
         } else if settings.on_line_error == OnLineError::Fail {
             self.failure.get_or_insert(Failure::LineError);
         }
-        if byte.is_some() {
-            // What stands around it is apart.
-            self.escaped = false;
-            self.lines = Lines::default();
-            self.mark_progress = 0;
-            self.count_after_xoff(link, 1);
-        }
+        // What stands around it is apart.
+        self.escaped = false;
+        self.lines = Lines::default();
+        self.mark_progress = 0;
         if let Some(byte) = byte {
+            self.count_after_xoff(link, 1);
             self.deliver(link, &[byte]);
         }
     }

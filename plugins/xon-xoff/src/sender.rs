@@ -19,10 +19,19 @@ enum Stage {
     Checking,
     /// Feeding.
     Feeding,
+    /// All data was given; the feed's strings are not wholly queued.
+    Closing,
     /// All is queued; waiting until the last byte has left.
     Draining,
     /// The queue is being dropped; the job then fails.
     Stopping,
+}
+
+impl Stage {
+    /// Whether the job has bytes to send.
+    fn is_feeding(self) -> bool {
+        matches!(self, Self::Feeding | Self::Closing | Self::Draining)
+    }
 }
 
 #[derive(Clone, Debug, Default, State)]
@@ -36,6 +45,8 @@ pub(crate) struct Sender {
     wanted: u32,
     /// Bytes queued for the job.
     queued: u64,
+    /// Bytes of the feed's strings that found no room yet.
+    unqueued: u32,
     lines: Lines,
     /// Place in the program, for the check.
     line: u32,
@@ -76,10 +87,10 @@ impl Sender {
             Stage::Idle => return None,
             Stage::Checking => Name::Checking,
             Stage::Stopping => Name::Stopping,
-            Stage::Feeding | Stage::Draining if self.held => Name::Held,
-            Stage::Feeding | Stage::Draining if self.waits_for_xon => Name::WaitingForXon,
-            Stage::Feeding | Stage::Draining if self.paused => Name::Paused,
-            Stage::Feeding | Stage::Draining => Name::Sending,
+            _ if self.held => Name::Held,
+            _ if self.waits_for_xon => Name::WaitingForXon,
+            _ if self.paused => Name::Paused,
+            Stage::Feeding | Stage::Closing | Stage::Draining => Name::Sending,
         };
         Some(state)
     }
@@ -148,8 +159,7 @@ impl Sender {
 
     /// A hold is timed only while there is a job to fail.
     fn watch_hold(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        let is_feeding = matches!(self.stage, Stage::Feeding | Stage::Draining);
-        if self.held && is_feeding && settings.held_timeout > 0 {
+        if self.held && self.stage.is_feeding() && settings.held_timeout > 0 {
             let until = link.now() + Micros::from_millis(settings.held_timeout);
             self.held_until = Some(until);
             if !self.is_hearing {
@@ -191,14 +201,43 @@ impl Sender {
             self.waits_for_xon = settings.wait_for_xon;
             self.update_hold(link);
             self.watch_hold(link, settings);
-            self.queue(link, settings.feed_start.as_slice());
+            self.unqueued = settings.feed_start.as_slice().len() as u32;
         }
-        self.ask(link, settings);
+        self.go_on(link, settings);
+    }
+
+    /// Does what there is room for.
+    pub(crate) fn go_on(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if self.unqueued == 0 || self.queue_strings(link, settings) {
+            self.ask(link, settings);
+        }
+    }
+
+    /// Queues of the strings around the program what there is room for; whether that was all.
+    #[inline(never)]
+    fn queue_strings(&mut self, link: &mut Context<'_>, settings: &Settings) -> bool {
+        let start = settings.feed_start.as_slice();
+        let is_closing = self.stage == Stage::Closing;
+        let end = if is_closing { settings.feed_end.as_slice() } else { &[] };
+        let mut queued = (start.len() + end.len()).saturating_sub(self.unqueued as usize);
+        for string in [start, end] {
+            let rest = string.get(queued..).unwrap_or_default();
+            queued = queued.saturating_sub(string.len());
+            let fitting = rest.get(..link.transmit_room() as usize).unwrap_or(rest);
+            self.unqueued -= fitting.len() as u32;
+            self.queue(link, fitting);
+        }
+        if self.unqueued == 0 && is_closing {
+            self.mark = self.mark.next();
+            link.transmit_marked(self.mark, &[]);
+            self.stage = Stage::Draining;
+        }
+        self.unqueued == 0
     }
 
     /// Asks for as much as can be queued whatever it grows to, with the feed's
     /// end kept in reserve.
-    pub(crate) fn ask(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    fn ask(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let most = match self.stage {
             Stage::Checking => MOST_WANTED,
             Stage::Feeding => {
@@ -207,7 +246,7 @@ impl Sender {
                 let room = room.min(MOST_WANTED);
                 if self.plain { room } else { room / growth(settings) }
             }
-            Stage::Idle | Stage::Draining | Stage::Stopping => return,
+            _ => return,
         };
         // Small requests would make many small events.
         if most > self.wanted && (most - self.wanted >= most / 4 || self.wanted == 0) {
@@ -227,7 +266,7 @@ impl Sender {
         match self.stage {
             Stage::Checking => self.check(link, settings, codes, bytes),
             Stage::Feeding => self.feed(link, settings, codes, bytes),
-            Stage::Idle | Stage::Draining | Stage::Stopping => return,
+            _ => return,
         }
         self.ask(link, settings);
     }
@@ -300,12 +339,11 @@ impl Sender {
                 self.stage = Stage::Idle;
             }
             Stage::Feeding => {
-                self.queue(link, settings.feed_end.as_slice());
-                self.mark = self.mark.next();
-                link.transmit_marked(self.mark, &[]);
-                self.stage = Stage::Draining;
+                self.stage = Stage::Closing;
+                self.unqueued += settings.feed_end.as_slice().len() as u32;
+                self.queue_strings(link, settings);
             }
-            Stage::Idle | Stage::Draining | Stage::Stopping => {}
+            _ => {}
         }
     }
 
@@ -320,17 +358,13 @@ impl Sender {
     /// Stops at once and drops what is queued; the job fails when it is known
     /// how much that was.
     pub(crate) fn stop(&mut self, link: &mut Context<'_>, failure: Failure) {
-        match self.stage {
-            Stage::Feeding | Stage::Draining => {
-                link.discard();
-                self.stage = Stage::Stopping;
-                self.failure = Some(failure);
-            }
-            Stage::Checking => {
-                link.job_failed(self.job, failure, 0, 0);
-                self.finish(link);
-            }
-            Stage::Idle | Stage::Stopping => {}
+        if self.stage == Stage::Checking {
+            link.job_failed(self.job, failure, 0, 0);
+            self.finish(link);
+        } else if self.stage.is_feeding() {
+            link.discard();
+            self.stage = Stage::Stopping;
+            self.failure = Some(failure);
         }
     }
 
@@ -338,10 +372,16 @@ impl Sender {
         let Some(failure) = self.failure.take() else { return };
         let sent = self.queued.saturating_sub(u64::from(bytes));
         link.job_failed(self.job, failure, 0, sent);
+        // What lay before the job's bytes are the last words of a job before it.
+        let lost = u64::from(bytes).saturating_sub(self.queued) as usize;
         let last_words = settings.abort_send.as_slice();
-        let is_abort = failure == Failure::Aborted;
-        if is_abort && last_words.len() as u32 <= link.transmit_room() {
-            link.transmit(last_words);
+        let words = match failure {
+            Failure::Aborted => last_words,
+            Failure::LinkDown => &[],
+            _ => last_words.get(last_words.len().saturating_sub(lost)..).unwrap_or_default(),
+        };
+        if words.len() as u32 <= link.transmit_room() {
+            link.transmit(words);
         }
         self.finish(link);
     }
@@ -352,6 +392,7 @@ impl Sender {
         self.paused = false;
         self.waits_for_xon = false;
         self.wanted = 0;
+        self.unqueued = 0;
         if self.held_until.take().is_some() {
             link.cancel_timer(HELD);
         }

@@ -93,6 +93,10 @@ impl Settings {
         if !self.transparent {
             return Ok(());
         }
+        if self.parity_mask & 0x7F != 0x7F {
+            return Err("parity_mask takes data bytes for control bytes that are not escaped; in \
+                transparent mode it is 127 or 255");
+        }
         if codes.control(self.escape as u8).is_some() {
             return Err("escape is a control byte; choose another");
         }

@@ -85,7 +85,7 @@ static bool is_among(uint32_t which, uint8_t byte) {
 /* ---- what is kept between two events; all of it is saved and restored ---- */
 
 /* What the sender is at. */
-enum { IDLE, CHECKING, FEEDING, DRAINING, STOPPING };
+enum { IDLE, CHECKING, FEEDING, CLOSING, DRAINING, STOPPING };
 /* Where in a line end a reader is. */
 enum { IN_LINE, AFTER_CR, AFTER_LF, AFTER_LF_CR };
 /* Timers: silence, a repeated XON, a hold that lasts too long. */
@@ -98,7 +98,8 @@ static struct {
     uint64_t queued;        /* bytes queued for the job */
     int64_t xoff_at;
     uint32_t job;
-    uint32_t wanted; /* asked for and not yet given */
+    uint32_t wanted;   /* asked for and not yet given */
+    uint32_t unqueued; /* bytes of the feed's strings that found no room yet */
     uint32_t line, column;
     uint32_t delivery, last_delivery;
     uint32_t mark_progress, marks_seen;
@@ -223,9 +224,11 @@ static void forget_hold(void) {
     released();
 }
 
+static bool is_feeding(void) { return s.stage >= FEEDING && s.stage <= DRAINING; }
+
 /* A hold is timed only while there is a job to fail. */
 static void watch_hold(void) {
-    if (s.held && (s.stage == FEEDING || s.stage == DRAINING) && NUMBER(HELD_TIMEOUT) > 0)
+    if (s.held && is_feeding() && NUMBER(HELD_TIMEOUT) > 0)
         set_timer(HELD, after(NUMBER(HELD_TIMEOUT)));
 }
 
@@ -234,20 +237,19 @@ static void queue(const void *bytes, uint32_t count) {
     sp_transmit(bytes, count);
 }
 
-#define QUEUE(which) (IS_THERE(which) ? queue(settings[which].bytes, settings[which].length) : (void)0)
-
 /* What belonged to the job alone ends with it; a partner's XOFF stays. */
 static void finish(void) {
     s.stage = IDLE;
     s.paused = s.waits_for_xon = false;
     s.wanted = 0;
+    s.unqueued = 0;
     set_timer(HELD, NEVER);
     update_hold();
 }
 
 /* Stops at once and drops what is queued; the job fails when it is known how much that was. */
 static void stop(uint8_t failure) {
-    if (s.stage == FEEDING || s.stage == DRAINING) {
+    if (is_feeding()) {
         sp_discard();
         s.stage = STOPPING;
         s.stopping = failure;
@@ -261,11 +263,14 @@ static void discarded(uint32_t bytes) {
     if (s.stage != STOPPING)
         return;
     /* What an abort before this one sent may have waited still, and is among these bytes. */
-    uint64_t of_job = bytes < s.queued ? bytes : s.queued;
+    uint32_t of_job = bytes < s.queued ? bytes : (uint32_t)s.queued;
     sp_job_failed(s.job, s.stopping, 0, s.queued - of_job);
-    if (s.stopping == SP_FAILURE_ABORTED && IS_THERE(ABORT_SEND) &&
-        LENGTH(ABORT_SEND) <= sp_link.transmit_room)
-        sp_transmit(settings[ABORT_SEND].bytes, LENGTH(ABORT_SEND));
+    if (IS_THERE(ABORT_SEND) && s.stopping != SP_FAILURE_LINK_DOWN) {
+        uint32_t length = LENGTH(ABORT_SEND);
+        uint32_t words = s.stopping == SP_FAILURE_ABORTED ? length : least(bytes - of_job, length);
+        if (words > 0 && words <= sp_link.transmit_room)
+            sp_transmit(settings[ABORT_SEND].bytes + length - words, words);
+    }
     finish();
 }
 
@@ -287,6 +292,27 @@ static void ask(void) {
     }
 }
 
+/* Queues of the strings around the program what there is room for. */
+static void queue_strings(void) {
+    uint32_t start = LENGTH(FEED_START), end = s.stage == CLOSING ? LENGTH(FEED_END) : 0;
+    for (; IS_THERE(FEED_END) && s.unqueued > 0 && sp_link.transmit_room > 0; s.unqueued--) {
+        uint32_t at = start + end - s.unqueued;
+        queue(at < start ? settings[FEED_START].bytes + at
+                         : settings[FEED_END].bytes + at - start, 1);
+    }
+    if (s.stage == CLOSING && s.unqueued == 0) {
+        sp_transmit_marked(s.job, 0, 0);
+        s.stage = DRAINING;
+    }
+}
+
+/* Does what there is room for. */
+static void go_on(void) {
+    queue_strings();
+    if (s.unqueued == 0)
+        ask();
+}
+
 static void job_begin(const uint8_t *payload) {
     uint32_t job = sp_u32(payload);
     if (s.stage != IDLE || sp_u16(payload + 4) != 0) {
@@ -305,9 +331,9 @@ static void job_begin(const uint8_t *payload) {
         s.waits_for_xon = NUMBER(WAIT_FOR_XON) != 0;
         update_hold();
         watch_hold();
-        QUEUE(FEED_START);
+        s.unqueued = LENGTH(FEED_START);
     }
-    ask();
+    go_on();
 }
 
 static void feed(const uint8_t *at) {
@@ -359,9 +385,9 @@ static void job_end(void) {
         sp_check_result(s.job, 0, 0, 0, 0);
         s.stage = IDLE;
     } else if (s.stage == FEEDING) {
-        QUEUE(FEED_END);
-        sp_transmit_marked(s.job, 0, 0);
-        s.stage = DRAINING;
+        s.stage = CLOSING;
+        s.unqueued += LENGTH(FEED_END);
+        queue_strings();
     }
 }
 
@@ -513,18 +539,20 @@ static void after_bytes(void) {
 
 /* A damaged character keeps its place, so that its neighbours keep theirs. */
 static void damaged(uint8_t kind, bool has_byte, const uint8_t *byte) {
-    if (s.delivery == 0 && (kind == SP_LINE_ERROR_BREAK || !has_byte))
+    /* What is lost cannot be kept, and may have been the beginning. */
+    bool is_lost = kind == SP_LINE_ERROR_OVERRUN;
+    if (s.delivery == 0 && !is_lost && (kind == SP_LINE_ERROR_BREAK || !has_byte))
         return;
     begin_delivery();
-    if (kind == SP_LINE_ERROR_OVERRUN)
-        s.failure = SP_FAILURE_OVERRUN; /* what is lost cannot be kept */
+    if (is_lost)
+        s.failure = SP_FAILURE_OVERRUN;
     else if (NUMBER(ON_LINE_ERROR) == 0 && s.failure == 0)
         s.failure = SP_FAILURE_LINE_ERROR;
+    /* What stands around it is apart. */
+    s.escaped = false;
+    s.receive_lines = IN_LINE;
+    s.mark_progress = 0;
     if (has_byte) {
-        /* What stands around it is apart. */
-        s.escaped = false;
-        s.receive_lines = IN_LINE;
-        s.mark_progress = 0;
         count_after_xoff();
         deliver(byte, 1);
     }
@@ -638,8 +666,10 @@ static int32_t take_settings(const uint8_t *payload, uint32_t length) {
         return SP_REFUSE_SETTINGS;
     if (!NUMBER(TRANSPARENT))
         return 0;
-    /* The escape must be no control byte, and no escaped byte may be one. */
-    bool clashes = control((uint8_t)NUMBER(ESCAPE)) != SETTINGS;
+    /* No data byte may be a control byte in other bits alone, the escape must be none, and no
+       escaped byte may be one. */
+    bool clashes = (NUMBER(PARITY_MASK) & 0x7F) != 0x7F;
+    clashes |= control((uint8_t)NUMBER(ESCAPE)) != SETTINGS;
     for (uint32_t byte = 0; byte < 256; byte++)
         clashes |= must_escape((uint8_t)byte) &&
                    must_escape((uint8_t)byte ^ (uint8_t)NUMBER(ESCAPE_XOR));
@@ -713,7 +743,7 @@ static int32_t plugin_event(int32_t kind, const uint8_t *payload, uint32_t lengt
         left(sp_u32(payload));
         break;
     case SP_EVENT_TRANSMIT_ROOM:
-        ask();
+        go_on();
         return 0;
     case SP_EVENT_DISCARDED:
         discarded(sp_u32(payload));

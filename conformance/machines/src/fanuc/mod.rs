@@ -302,7 +302,9 @@ impl Control {
             } else if execution == Some(at) {
                 self.execution.advance(at, self.hold.total(at));
                 self.decide_on_draining();
-            } else if let Some((_, press)) = self.panel.pop_front_if(|(due, _)| *due <= at) {
+            } else if let Some(place) = self.next_press().filter(|place| self.panel[*place].0 <= at)
+                && let Some((_, press)) = self.panel.remove(place)
+            {
                 self.do_press(press);
             } else {
                 self.say_again();
@@ -317,7 +319,8 @@ impl Control {
         if self.uart.has_room() {
             next = earliest(next, self.codes.front().map(|(at, _)| (*at).max(self.now)));
         }
-        next = earliest(next, self.panel.front().map(|(at, _)| (*at).max(self.now)));
+        let press = self.next_press().map(|place| self.panel[place].0.max(self.now));
+        next = earliest(next, press);
         match &self.mode {
             Mode::Idle => {}
             Mode::Reading(reading) => next = earliest(next, self.next_dc1(*reading)),

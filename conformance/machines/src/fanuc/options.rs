@@ -68,7 +68,8 @@ pub struct Options {
     pub latency: Micros,
     /// Characters that the receive FIFO holds: one more is an overrun, 085.
     pub receive_fifo: usize,
-    /// What the operator does at the panel, and when.
+    /// What the operator does at the panel, and when; reading and punching as soon as the
+    /// control is free from then on.
     pub panel: Vec<(Micros, Press)>,
     /// What is kept of the text that was read.
     pub keep: Keep,
@@ -372,6 +373,13 @@ pub enum Press {
     Off,
     /// It is switched on again.
     On,
+}
+
+impl Press {
+    /// Whether a control that reads or punches does not take it.
+    pub(super) fn needs_free_control(&self) -> bool {
+        matches!(self, Self::Read | Self::Punch(_) | Self::Request(_))
+    }
 }
 
 impl Default for PunchOptions {

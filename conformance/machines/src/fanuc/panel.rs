@@ -3,6 +3,13 @@
 use super::{Control, Interface, Mode, Press};
 
 impl Control {
+    /// Which of what the operator still has to do comes next: who wants to read or punch
+    /// waits until the control is free.
+    pub(super) fn next_press(&self) -> Option<usize> {
+        let is_idle = matches!(self.mode, Mode::Idle);
+        self.panel.iter().position(|(_, press)| is_idle || !press.needs_free_control())
+    }
+
     /// A control that is busy takes nothing but RESET, alarms and its switch.
     pub(super) fn do_press(&mut self, press: Press) {
         let is_idle = matches!(self.mode, Mode::Idle);

@@ -365,3 +365,21 @@ fn the_panel_works_by_itself() {
     let none = ModemLines::default();
     assert_eq!(signals, [ready(lines), Signal::Character(DC1), ready(none), ready(lines)]);
 }
+
+#[test]
+fn who_wants_to_read_waits_until_a_punch_is_over_and_reset_does_not() {
+    let punch = |reset: Option<Micros>| {
+        let mut panel = vec![
+            (Micros::ZERO, Press::Punch(vec![b'A'; 100])),
+            (at(10), Press::Request("1234".into())),
+        ];
+        panel.extend(reset.map(|reset| (reset, Press::Reset)));
+        let mut control = control(Options { panel, ..Options::default() });
+        bytes(&run(&mut control, Micros::from_secs(1)))
+    };
+    let request = b"\x12%\nO9999\n(SEND 1234)\n%\n\x14\x11";
+    let whole = punch(None);
+    assert!(whole.ends_with(&[b"AA%\n\x14", request.as_slice()].concat()));
+    let broken = punch(Some(at(20)));
+    assert!(broken.ends_with(request) && broken.len() < whole.len() - 70);
+}

@@ -16,6 +16,10 @@ pub(super) struct Flow {
     pub(super) high: u32,
     /// Number of an answer to DC2 that has still to leave.
     answer: Option<u64>,
+    /// What the control was told and has still to leave, with its number.
+    to_leave: Option<(u64, u8)>,
+    /// What the control is to know.
+    to_tell: u8,
 }
 
 impl Flow {
@@ -48,7 +52,7 @@ impl Flow {
                 let has_parity = rules.parity == Parity::Software;
                 // Where it is not known the code is the one that is sent; the page does not say so.
                 let is_eia = code.unwrap_or(rules.code) == Code::Eia;
-                wire.say(if has_parity || is_eia { 0x93 } else { 0x13 });
+                self.tell(if has_parity || is_eia { 0x93 } else { 0x13 }, wire);
             }
             OutputFlow::Rts => {
                 let off = Effect::ModemLines(ModemLines::RTS, ModemLines::default());
@@ -81,7 +85,7 @@ impl Flow {
         match rules.output_flow {
             OutputFlow::None => {}
             OutputFlow::Dc3 => {
-                wire.say(rules.resume_code);
+                self.tell(rules.resume_code, wire);
             }
             OutputFlow::Rts => {
                 let on = Effect::ModemLines(ModemLines::RTS, ModemLines::RTS);
@@ -97,8 +101,22 @@ impl Flow {
         }
     }
 
-    /// A control code of ours has left.
-    pub(super) fn left(&mut self, number: u64) {
+    /// A control code of ours has left. What the control is to know since follows, if it is
+    /// another one.
+    pub(super) fn left(&mut self, number: u64, wire: &mut Wire) {
         self.answer.take_if(|answer| *answer == number);
+        if let Some((_, told)) = self.to_leave.take_if(|(which, _)| *which == number)
+            && told != self.to_tell
+        {
+            self.tell(self.to_tell, wire);
+        }
+    }
+
+    /// One has to leave before the next.
+    fn tell(&mut self, code: u8, wire: &mut Wire) {
+        self.to_tell = code;
+        if self.to_leave.is_none() {
+            self.to_leave = Some((wire.say(code), code));
+        }
     }
 }

@@ -146,7 +146,7 @@ impl Model for Fanuc {
     fn left(&mut self, at: Micros, _byte: u8) {
         let (number, is_code) = self.wire.character_left();
         if is_code {
-            self.flow.left(number);
+            self.flow.left(number, &mut self.wire);
         } else {
             self.feed.left(at, number, &self.rules, &mut self.demands);
             self.look_at_job(at);

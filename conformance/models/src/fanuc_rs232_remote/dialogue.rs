@@ -206,12 +206,7 @@ impl RemoteBuffer {
     pub(super) fn fail(&mut self, failure: Failure, clause: &'static str) {
         let Some(Job { id: job, .. }) = self.job.take() else { return };
         let failed = Effect::Failed { job, failure, status: 0, sent: self.wire.taken() };
-        // Plug-in differs: it miscounts where other messages are dropped.
-        if self.wire.drops_others() {
-            self.demands.add_uncounted(&failed, clause);
-        } else {
-            self.demands.add(failed, clause);
-        }
+        self.demands.add(failed, clause);
         self.wire.discard();
     }
 

@@ -94,11 +94,6 @@ impl Wire {
         self.queued
     }
 
-    /// Whether characters wait that are not the job's.
-    pub(super) fn drops_others(&self) -> bool {
-        self.waiting.iter().any(|label| !label.is_job)
-    }
-
     /// Room that was told.
     pub(super) fn known(&self) -> usize {
         self.known

@@ -99,7 +99,7 @@ impl Model for XonXoff {
             LineInput::ModemLines(..) => {}
             LineInput::Down(_) => {
                 self.is_down = true;
-                sender.link_down(wire, demands);
+                sender.link_down(rules, wire, demands);
                 receiver.link_down(rules, demands);
                 wire.port.set_gone(true);
             }

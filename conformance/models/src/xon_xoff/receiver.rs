@@ -86,9 +86,7 @@ impl Receiver {
     pub(super) fn receive_damaged(&mut self, at: Micros, byte: u8, rules: &Rules, wire: &mut Wire) {
         let delivery = begun(&mut self.delivery, at);
         delivery.damaged = true;
-        // What stands before and behind it is apart.
-        delivery.line_ends = LineEnds::default();
-        delivery.unmarked.clear();
+        delivery.part();
         delivery.put(&[byte], &mut self.room);
         self.is_escaped = false;
         self.came(at, 1, rules, wire);
@@ -98,16 +96,19 @@ impl Receiver {
     pub(super) fn receive_break(&mut self, at: Micros) {
         if let Some(delivery) = &mut self.delivery {
             (delivery.damaged, delivery.silent) = (true, at);
+            delivery.part();
+            self.is_escaped = false;
             self.speaker.was_heard();
         }
     }
 
-    /// Characters were lost in the port.
+    /// Characters were lost in the port, maybe the first ones.
     pub(super) fn overrun(&mut self, at: Micros) {
-        if let Some(delivery) = &mut self.delivery {
-            (delivery.lost, delivery.silent) = (true, at);
-            self.speaker.was_heard();
-        }
+        let delivery = begun(&mut self.delivery, at);
+        delivery.lost = true;
+        delivery.part();
+        self.is_escaped = false;
+        self.speaker.was_heard();
     }
 
     /// One character that is no control byte.
@@ -264,6 +265,12 @@ fn begun(delivery: &mut Option<Delivery>, at: Micros) -> &mut Delivery {
 }
 
 impl Delivery {
+    /// What stood before and what comes are apart.
+    fn part(&mut self) {
+        self.line_ends = LineEnds::default();
+        self.unmarked.clear();
+    }
+
     /// These are delivered as far as there is room.
     fn put(&mut self, bytes: &[u8], room: &mut Room) {
         for byte in bytes {

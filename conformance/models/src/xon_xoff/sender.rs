@@ -115,14 +115,14 @@ impl Sender {
 
     pub(super) fn abort(&mut self, id: u32, rules: &Rules, wire: &mut Wire, demands: &mut Demands) {
         if id != 0 && self.job() == Some(id) {
-            self.fail(Failure::Aborted, "xon-xoff.tx.abort-clean", wire, demands);
+            self.fail(Failure::Aborted, "xon-xoff.tx.abort-clean", rules, wire, demands);
             wire.port.send(&rules.abort_send);
         }
     }
 
     /// The port is gone: so is the machine's hold.
-    pub(super) fn link_down(&mut self, wire: &mut Wire, demands: &mut Demands) {
-        self.fail(Failure::LinkDown, "xon-xoff.link.down", wire, demands);
+    pub(super) fn link_down(&mut self, rules: &Rules, wire: &mut Wire, demands: &mut Demands) {
+        self.fail(Failure::LinkDown, "xon-xoff.link.down", rules, wire, demands);
         self.held = None;
     }
 
@@ -151,7 +151,7 @@ impl Sender {
         demands: &mut Demands,
     ) {
         if self.deadline(rules).is_some_and(|deadline| deadline <= at) {
-            self.fail(Failure::HeldTooLong, "xon-xoff.tx.held-timeout", wire, demands);
+            self.fail(Failure::HeldTooLong, "xon-xoff.tx.held-timeout", rules, wire, demands);
         }
     }
 
@@ -177,14 +177,20 @@ impl Sender {
         &mut self,
         failure: Failure,
         clause: &'static str,
+        rules: &Rules,
         wire: &mut Wire,
         demands: &mut Demands,
     ) {
         let Some(job) = self.job.take() else { return };
-        // The job's bytes are the last that wait.
-        let sent = (job.length - job.length.min(wire.port.waiting())) as u64;
+        // The job's bytes are the last that wait. Before them there is what follows an abort.
+        let waiting = wire.port.waiting();
+        let sent = job.length.saturating_sub(waiting) as u64;
         demands.add(Effect::Failed { job: job.id, failure, status: 0, sent }, clause);
         wire.port.discard();
+        if !matches!(failure, Failure::Aborted | Failure::LinkDown) {
+            let last = rules.abort_send.len() - waiting.saturating_sub(job.length);
+            wire.port.send(&rules.abort_send[last..]);
+        }
         self.end_job();
     }
 

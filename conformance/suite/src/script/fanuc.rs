@@ -20,6 +20,10 @@ type Settings = &'static [(&'static str, &'static str)];
 
 pub(super) fn scripts() -> Vec<Script> {
     let mut all = vec![drip_feed(), late(), late_packets(), request(), punch(), slow_host()];
+    all.extend([
+        paused_check("reader-paused-check", &[]),
+        paused_check("remote-a-paused-check", REMOTE),
+    ]);
     all.extend(readers());
     all.extend(remote_buffers());
     all.extend(broken_punches());
@@ -184,6 +188,33 @@ fn late_packets() -> Script {
             arrived(play, &program)
         },
     )
+}
+
+const REMOTE: Settings = &[("mode", "remote-a"), ("packet_size", "1024")];
+
+/// A pause ends with its job, also with one that fails in its check.
+fn paused_check(slug: &str, settings: Settings) -> Script {
+    let clauses = ["fanuc-rs232.feed.pause"];
+    let title = "A job is paused while it is checked, and fails: the next one is not paused";
+    let control = match settings {
+        [] => small(Options { line: seven_even_two(9_600), ..Options::default() }),
+        _ => remote(RemoteOptions::default()),
+    };
+    script(slug, title, &clauses, settings, control, 1, |play| {
+        let failing = play.late_job("send", &[], b"%\nO1\nG1 X1\n\x07\n%")?;
+        play.pause(failing)?;
+        let end = play.end_of_late(failing, 4, EVERY)?;
+        play.demand("the job must fail in its check", end.is_err(), end)?;
+        let program = program(20);
+        let job = play.send(program.as_bytes())?;
+        play.run(Micros::from_secs(2))?;
+        let now = play.now();
+        play.partner().press(now, Press::Read);
+        let end = play.end_of(job, Micros::from_secs(3_600))?;
+        play.demand("the job must be done", end.is_ok(), end)?;
+        play.run(SECOND)?;
+        arrived(play, &program)
+    })
 }
 
 fn punch() -> Script {

@@ -109,6 +109,14 @@ impl<'a, P: Partner> Play<'a, P> {
         Ok(id)
     }
 
+    /// The host pauses a job.
+    pub(super) fn pause(&mut self, job: u32) -> Outcome {
+        let now = self.line.now();
+        let paused = self.line.line.link.pause(now, JobId(job), &mut self.host);
+        self.judged(paused)?;
+        self.settle()
+    }
+
     /// The host gives a job up.
     pub(super) fn abort(&mut self, job: u32) -> Outcome {
         let now = self.line.now();

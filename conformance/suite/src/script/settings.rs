@@ -20,6 +20,10 @@ const XON_XOFF: &[Pair] = &[
         &[("xon", "17"), ("xoff", "145"), ("parity_mask", "127")],
         &[("xon", "17"), ("xoff", "145"), ("parity_mask", "255")],
     ),
+    (
+        &[("transparent", "on"), ("parity_mask", "63")],
+        &[("transparent", "on"), ("parity_mask", "127")],
+    ),
     (&[("transparent", "on"), ("escape", "19")], &[("transparent", "off"), ("escape", "19")]),
     (&[("transparent", "on"), ("escape_xor", "2")], &[("transparent", "on"), ("escape_xor", "64")]),
 ];

@@ -2,12 +2,15 @@
 
 use crate::code::Code;
 use crate::{OutputFlow, ParityMode, ResumeCode, Settings};
-use softplug_plugin::{Context, ModemLines};
+use softplug_plugin::{Context, MarkId, ModemLines};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// The control is held below this room and goes on above twice as much; both are
 /// less where the whole room is small. It may send ten more characters.
 const LOW: u32 = 1_024;
+
+/// The mark of what the control is told.
+pub(super) const TOLD: MarkId = MarkId(u32::MAX - 1);
 
 #[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
 #[repr(C)]
@@ -16,7 +19,12 @@ pub(crate) struct Flow {
     high: u32,
     /// The control is held.
     pub(crate) held: bool,
-    spare: [u8; 3],
+    /// The code by which the control is to know that.
+    to_tell: u8,
+    /// The one that has not left yet; 0: none. Another waits until it has: a control that
+    /// sends faster than its line cannot make more of them wait.
+    leaving: u8,
+    spare: u8,
 }
 
 impl Flow {
@@ -41,7 +49,7 @@ impl Flow {
             OutputFlow::Dc3 => {
                 // A port with seven bits makes the parity itself.
                 let has_parity = code == Code::Eia || settings.parity == ParityMode::Software;
-                link.transmit_urgent(&[if has_parity { 0x93 } else { 0x13 }]);
+                self.tell(link, if has_parity { 0x93 } else { 0x13 });
             }
         }
     }
@@ -63,7 +71,23 @@ impl Flow {
             link.set_modem_lines(ModemLines::RTS, ModemLines::RTS);
         } else {
             let is_dc2 = settings.resume_code == ResumeCode::Dc2;
-            link.transmit_urgent(&[if is_dc2 { 0x12 } else { 0x11 }]);
+            self.tell(link, if is_dc2 { 0x12 } else { 0x11 });
+        }
+    }
+
+    fn tell(&mut self, link: &mut Context<'_>, code: u8) {
+        self.to_tell = code;
+        if self.leaving == 0 {
+            self.leaving = code;
+            link.transmit_urgent_marked(TOLD, &[code]);
+        }
+    }
+
+    /// What the control was told has left.
+    pub(super) fn left(&mut self, link: &mut Context<'_>) {
+        let left = core::mem::take(&mut self.leaving);
+        if left != self.to_tell {
+            self.tell(link, self.to_tell);
         }
     }
 }

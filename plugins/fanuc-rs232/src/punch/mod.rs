@@ -154,9 +154,16 @@ impl Punch {
         }
     }
 
-    /// News of a mark that may be that on our answer.
-    pub(crate) fn mark(&mut self, mark: MarkId, state: MarkState) {
-        self.is_answering &= mark != ANSWER || state == MarkState::MaybeLeft;
+    /// News of a mark that may be on our answer, or on what the control was told.
+    pub(crate) fn mark(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
+        if state == MarkState::MaybeLeft {
+            return;
+        }
+        match mark {
+            ANSWER => self.is_answering = false,
+            flow::TOLD => self.flow.left(link),
+            _ => {}
+        }
     }
 
     /// A character that is no control code.

@@ -9,6 +9,7 @@
 
 mod message;
 mod packet;
+mod queue;
 
 use crate::PACKET;
 use crate::reason::Reason;
@@ -16,6 +17,7 @@ use crate::state::State;
 use crate::tape::{Encoder, Setup};
 use crate::timer::Timer;
 use message::{Command, HEAD, Reader, command, end_code, head, with_parity};
+use queue::Queue;
 use softplug_plugin::{Context, Failure, JobId, JobStart, MarkId, MarkState};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
@@ -112,6 +114,7 @@ pub(crate) struct RemoteBuffer {
     queued: u64,
     job: u32,
     wanted: u32,
+    queue: Queue,
     /// The latest message, in case it must be repeated.
     last: Command,
     /// Bytes of the output that the latest DAT had.
@@ -119,8 +122,6 @@ pub(crate) struct RemoteBuffer {
     /// Why the job fails.
     failure: Reason,
     stage: Stage,
-    /// What is dropped from the queue is of the job.
-    is_own: bool,
     /// Messages that have not left: their marks are outstanding. One more than there may be:
     /// others without a mark are behind them.
     leaving: u8,
@@ -130,6 +131,7 @@ pub(crate) struct RemoteBuffer {
     is_asked: bool,
     repeats: u8,
     retries: u8,
+    spare: u8,
     reader: Reader,
 }
 
@@ -163,6 +165,7 @@ impl RemoteBuffer {
         self.job = job.job.0;
         self.wanted = 0;
         self.queued = 0;
+        self.queue.begin();
         self.packet = 0;
         if !self.control.is_ready() {
             self.say(link, settings, encoder, SYN);
@@ -216,7 +219,9 @@ impl RemoteBuffer {
         let packet = if command == DAT { usize::from(self.packet) } else { 0 };
         let data = encoder.output.first(packet);
         let length = transmit(link, settings, command, data, &mut self.leaving);
-        if is_own(command) {
+        let is_own = is_own(command);
+        self.queue.push(length, is_own);
+        if is_own {
             self.queued += length as u64;
         }
         self.await_control(link, settings);
@@ -301,7 +306,8 @@ impl RemoteBuffer {
             self.fail(link, failure);
         } else {
             let reason = with_parity(settings, reason);
-            transmit(link, settings, RTY, &[reason], &mut self.leaving);
+            let length = transmit(link, settings, RTY, &[reason], &mut self.leaving);
+            self.queue.push(length, false);
             self.await_control(link, settings);
         }
     }
@@ -396,7 +402,6 @@ impl RemoteBuffer {
         }
         self.stage = Stage::Stopping;
         self.failure = Reason::new(Some(failure));
-        self.is_own = is_own(self.last);
         self.is_asked = false;
         self.forget();
         self.timer.stop(link, PACKET);
@@ -413,8 +418,8 @@ impl RemoteBuffer {
 
     pub(crate) fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
         let (Stage::Stopping, Some(failure)) = (self.stage, self.failure.failure()) else { return };
-        let dropped = if self.is_own { u64::from(bytes) } else { 0 };
-        link.job_failed(JobId(self.job), failure, 0, self.queued.saturating_sub(dropped));
+        let sent = self.queued.saturating_sub(self.queue.own(bytes).into());
+        link.job_failed(JobId(self.job), failure, 0, sent);
         // What the port has taken still leaves.
         let mark = mark_next(&mut self.leaving);
         link.transmit_marked(MarkId(mark), &[]);

@@ -152,7 +152,8 @@ impl Encoder {
     pub(crate) fn push(&mut self, settings: &Setup, byte: u8) -> Result<(), Failure> {
         self.place.column += 1;
         let character = settings.characters[usize::from(byte)];
-        if self.place.is_plain && character < SPECIAL {
+        // CR and LF are counted as the file's, whatever replaces them.
+        if self.place.is_plain && character < SPECIAL && byte > b'\r' {
             self.place.count ^= self.place.counts;
             self.output.push(settings.wire[usize::from(character & !SPECIAL)]);
             return Ok(());
@@ -285,8 +286,10 @@ impl Encoder {
             DROPPED => Ok(()),
             _ => self.take(settings, character),
         };
-        self.place.is_plain =
-            self.place.part == Part::Block && !self.place.eob_waits && !self.is_waiting();
+        self.place.is_plain = self.place.part == Part::Block
+            && !self.place.eob_waits
+            && !self.is_waiting()
+            && !matches!(byte, b'\n' | b'\r');
         taken
     }
 }
