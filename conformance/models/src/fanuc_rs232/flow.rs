@@ -30,6 +30,11 @@ impl Flow {
         self.high = (room - room.div_ceil(4)).min(2_048);
     }
 
+    /// Who could tell the control more is gone.
+    pub(super) fn close(&mut self) {
+        (self.answer, self.to_leave) = (None, None);
+    }
+
     pub(super) fn is_stopped(&self) -> bool {
         self.is_stopped
     }

@@ -182,6 +182,7 @@ impl Model for Fanuc {
                 let (punch, mut with) = self.punch();
                 punch.close(&mut with);
                 self.requests.close();
+                self.flow.close();
             }
             HostRequest::Job { id, data, fields, .. } => {
                 self.jobs = *id;

@@ -90,10 +90,10 @@ impl Model for XonXoff {
             LineInput::Damaged { kind, byte: Some(byte), span: 0 } => {
                 receiver.receive_damaged(at, *byte, rules, wire);
                 if *kind == LineErrorKind::Overrun {
-                    receiver.overrun(at);
+                    receiver.overrun(at, rules, wire);
                 }
             }
-            LineInput::Damaged { kind: LineErrorKind::Overrun, .. } => receiver.overrun(at),
+            LineInput::Damaged { kind: LineErrorKind::Overrun, .. } => receiver.overrun(at, rules, wire),
             // A break, or one that was given already.
             LineInput::Damaged { .. } => receiver.receive_break(at),
             LineInput::ModemLines(..) => {}

@@ -103,12 +103,12 @@ impl Receiver {
     }
 
     /// Characters were lost in the port, maybe the first ones.
-    pub(super) fn overrun(&mut self, at: Micros) {
+    pub(super) fn overrun(&mut self, at: Micros, rules: &Rules, wire: &mut Wire) {
         let delivery = begun(&mut self.delivery, at);
         delivery.lost = true;
         delivery.part();
         self.is_escaped = false;
-        self.speaker.was_heard();
+        self.came(at, 0, rules, wire);
     }
 
     /// One character that is no control byte.

@@ -219,12 +219,17 @@ impl RemoteBuffer {
         let packet = if command == DAT { usize::from(self.packet) } else { 0 };
         let data = encoder.output.first(packet);
         let length = transmit(link, settings, command, data, &mut self.leaving);
-        let is_own = is_own(command);
-        self.queue.push(length, is_own);
-        if is_own {
-            self.queued += length as u64;
-        }
+        self.count(length, is_own(command));
         self.await_control(link, settings);
+    }
+
+    /// A message was queued.
+    fn count(&mut self, length: usize, is_own: bool) {
+        // Behind a discard it is none of what that drops.
+        if self.stage != Stage::Stopping {
+            self.queue.push(length, is_own);
+            self.queued += if is_own { length as u64 } else { 0 };
+        }
     }
 
     /// A message has left: with the last one it is the control's turn.
@@ -307,7 +312,7 @@ impl RemoteBuffer {
         } else {
             let reason = with_parity(settings, reason);
             let length = transmit(link, settings, RTY, &[reason], &mut self.leaving);
-            self.queue.push(length, false);
+            self.count(length, false);
             self.await_control(link, settings);
         }
     }
