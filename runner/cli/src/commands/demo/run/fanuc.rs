@@ -25,6 +25,8 @@ const BAUD: u32 = 9_600;
 const PROGRAM_BYTES: usize = 3_000;
 /// Less than the line brings, so that the control must hold.
 const BLOCK_TIME: Micros = Micros::from_millis(60);
+/// A control that has raised an alarm because this computer is too busy says nothing more.
+const PATIENCE: [(&str, &str); 2] = [("dc1_timeout", "20000"), ("held_timeout", "20000")];
 /// The program that the operator asks for.
 const NAME: &str = "O1234";
 
@@ -44,7 +46,7 @@ pub(super) fn show(context: &DemoContext<'_>, plugin: &Chosen) -> Result<Shown, 
         ..control()
     };
     let machine = machine(options)?;
-    let mut port = station(plugin, &machine, eight_none_two(BAUD), &[])?;
+    let mut port = station(plugin, &machine, eight_none_two(BAUD), &PATIENCE)?;
     let worker = Worker::start(machine);
     let sent = context.send(plugin, &mut port, &program);
     let is_done = sent.as_ref().is_ok_and(|report| report.outcome == SendOutcome::Done);
@@ -112,7 +114,7 @@ fn dialogue(
         (punched_by, Press::Request(NAME.to_owned())),
     ];
     let machine = machine(Options { panel, ..control() })?;
-    let mut port = station(plugin, &machine, line, &[])?;
+    let mut port = station(plugin, &machine, line, &PATIENCE)?;
     let worker = Worker::start(machine);
     let done = AtomicBool::new(false);
     let mut counter = Counter {

@@ -114,6 +114,7 @@ fn sent(
     let worker = Worker::start(machine);
     let sent = context.send(plugin, &mut station, data);
     let seen = worker.end(true)?.partner().report().clone();
+    context.pulse.saw(seen.late);
     Ok((sent?, seen))
 }
 
@@ -138,6 +139,7 @@ fn received(
     let served = transfer::serve(&mut station, &mut handler, &options, context.stop, &mut |_| {});
     let is_complete = handler.complete.len() == BLOCKS;
     let seen = worker.end(!is_complete)?.partner().report().clone();
+    context.pulse.saw(seen.late);
     served.map_err(transfer_failure)?;
     Ok((handler.complete, seen))
 }
