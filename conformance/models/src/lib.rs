@@ -28,6 +28,7 @@
 
 mod block_room;
 mod cover;
+mod cross;
 mod demands;
 mod dice;
 mod drive;

@@ -93,7 +93,9 @@ impl Model for XonXoff {
                     receiver.overrun(at, rules, wire);
                 }
             }
-            LineInput::Damaged { kind: LineErrorKind::Overrun, .. } => receiver.overrun(at, rules, wire),
+            LineInput::Damaged { kind: LineErrorKind::Overrun, .. } => {
+                receiver.overrun(at, rules, wire)
+            }
             // A break, or one that was given already.
             LineInput::Damaged { .. } => receiver.receive_break(at),
             LineInput::ModemLines(..) => {}
