@@ -28,7 +28,6 @@
 
 mod block_room;
 mod cover;
-mod cross;
 mod demands;
 mod dice;
 mod drive;

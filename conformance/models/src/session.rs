@@ -1,10 +1,9 @@
 //! A random session of one plug-in against a profile's model.
 
 use crate::cover::row;
-use crate::cross::{Silent, crossed};
 use crate::dice::Dice;
 use crate::drive::{Drive, Finding, Make, Ran, Step};
-use crate::model::{Conditions, Given, HostRequest, Model, Preset, Profile};
+use crate::model::{Conditions, Given, HostRequest, Preset, Profile};
 use crate::noise::Noise;
 use crate::settings::Settings;
 use crate::shrink::shrink;
@@ -160,8 +159,7 @@ impl Session {
         } else if is_long {
             steps = 1_000;
         }
-        let model = (self.profile.start)(&self.conditions);
-        self.drive(manifest, make, model, |drive| {
+        self.drive(manifest, make, |drive| {
             let open = Step::Given(Given::Host(HostRequest::Open));
             drive.step(Micros::ZERO, open)?;
             let (mut done, mut filled) = (0, 0);
@@ -190,40 +188,12 @@ impl Session {
         steps: &[(Micros, Step)],
         end: Micros,
     ) -> Ran {
-        let model = (self.profile.start)(&self.conditions);
-        self.drive(manifest, make, model, |drive| {
+        self.drive(manifest, make, |drive| {
             for (at, step) in steps {
                 drive.step(*at, step.clone())?;
             }
             // What went wrong can have been at this very instant.
             drive.run_until(end + Micros(1))
-        })
-    }
-
-    /// Whether something in it is so long or so often that it takes long.
-    pub fn is_long(&self) -> bool {
-        Filling::of(self.number) != Filling::Usual
-    }
-
-    /// Steps made of those that `own` and `other` had, changed without regard to what makes
-    /// sense; which way, `number` draws.
-    pub fn crossed(&self, own: &Ran, other: &Ran, number: u64) -> Vec<(Micros, Step)> {
-        let mut dice = Dice::new(self.seed, "crossed", number);
-        crossed(&own.steps, &other.steps, self.profile.special, &mut dice)
-    }
-
-    /// Runs given steps, of which nothing is judged.
-    pub fn follow<I: Instance>(
-        &self,
-        manifest: &Manifest,
-        make: &mut dyn FnMut() -> Result<I, String>,
-        steps: &[(Micros, Step)],
-    ) -> Ran {
-        self.drive(manifest, make, Some(Box::new(Silent)), |drive| {
-            for (at, step) in steps {
-                drive.step((*at).max(drive.now), step.clone())?;
-            }
-            drive.run_until(drive.now + TAIL)
         })
     }
 
@@ -241,13 +211,14 @@ impl Session {
         &self,
         manifest: &Manifest,
         make: Make<'_, I>,
-        model: Option<Box<dyn Model>>,
         go: impl FnOnce(&mut Drive<'_, I>) -> Result<(), Finding>,
     ) -> Ran {
         let Conditions { line, transmit_room, delivery_room, modem_lines, .. } = self.conditions;
         let settings = self.values.clone();
         let options = LinkOptions { line, transmit_room, delivery_room, modem_lines, settings };
-        let Some(model) = model else { return Ran::empty(None) };
+        let Some(model) = (self.profile.start)(&self.conditions) else {
+            return Ran::empty(None);
+        };
         match Drive::new(manifest, make, &self.conditions, options, model) {
             Ok(mut drive) => {
                 let finding = go(&mut drive).err();

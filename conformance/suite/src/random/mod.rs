@@ -1,14 +1,10 @@
 //! Random sessions: what no case shows, held to the profile's model.
 
-#[cfg(feature = "wasmtime")]
-mod crossing;
 mod group;
 #[cfg(test)]
 mod tests;
 mod trace;
 
-#[cfg(feature = "wasmtime")]
-pub(crate) use crossing::Crossing;
 pub(crate) use group::model_of;
 pub use group::{FailedSession, GroupRun, SessionGroup};
 #[cfg(feature = "wasmtime")]

@@ -6,7 +6,7 @@ use crate::corpus::{Corpus, Listed, Source};
 use crate::judge::run::{Judge, Start};
 use crate::module::change::{Change, Changeable};
 use crate::module::executed::{Executed, MEASURING_FUEL, Places, Watcher};
-use crate::random::{Crossing, GROUPS, Sessions, WHOLE, model_of};
+use crate::random::{Sessions, WHOLE};
 use crate::run::subject::Sandboxed;
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::fmt::{Debug, Write};
 use std::hash::{DefaultHasher, Hasher};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
 /// Runs of a changed module that are made before it is compiled.
@@ -40,9 +40,6 @@ pub struct ScoreOptions {
     pub sessions: u32,
     /// Permutations that a change is run against at most, spread over all that reach it.
     pub permutations: usize,
-    /// Sessions of each profile that nobody judges: they tell a change that nothing else shows
-    /// from one that changes nothing.
-    pub crossings: u32,
     /// Changes that are looked into at a time.
     pub threads: usize,
 }
@@ -51,8 +48,7 @@ impl Default for ScoreOptions {
     fn default() -> Self {
         let threads = thread::available_parallelism().map_or(1, usize::from);
         // More permutations hardly notice more, and are what a change that nothing notices costs.
-        let (sessions, crossings) = (WHOLE, WHOLE);
-        Self { sample: Some(300), seed: 1, sessions, permutations: 400, crossings, threads }
+        Self { sample: Some(300), seed: 1, sessions: WHOLE, permutations: 400, threads }
     }
 }
 
@@ -116,7 +112,6 @@ pub fn score(
     let mut hunter = hunter.ok_or(ScoreError::Stopped)?;
     let sound = loaded(&hunter.compiled, module).ok_or_else(|| unfit(&"not loaded"))?;
     hunter.hold(&sound, options.threads, stop)?;
-    hunter.cross(&sound, corpus, options, stop)?;
     let tried = draw(changeable.changes(), options);
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let total = Mutex::new(Score {
@@ -192,8 +187,6 @@ fn add(score: &mut Score, change: &Change, fate: &Fate) {
 /// The runs by which changes are hunted.
 struct Hunter<'a> {
     runs: Vec<Reaching<'a>>,
-    crossings: Vec<Crossed>,
-    watcher: Watcher,
     places: Places,
     seed: u64,
     permutations: usize,
@@ -209,13 +202,6 @@ struct Reaching<'a> {
     executed: Executed,
     /// Of the module as it is.
     effects: Option<Effects>,
-}
-
-/// A session that is not judged, what it executes of the module as it is, and what that shows.
-struct Crossed {
-    crossing: Crossing,
-    executed: Executed,
-    effects: Effects,
 }
 
 /// A hash of all that a run shows outside: bytes, deliveries, ends of jobs, and when.
@@ -282,17 +268,7 @@ impl<'a> Hunter<'a> {
         let compiled = host(EngineKind::Wasmtime, FUEL_PER_EVENT)?;
         let interpreted = host(EngineKind::Wasmi, FUEL_PER_EVENT)?;
         let ScoreOptions { seed, permutations, .. } = *options;
-        Ok(Some(Self {
-            runs,
-            crossings: Vec::new(),
-            watcher,
-            places,
-            seed,
-            permutations,
-            features,
-            compiled,
-            interpreted,
-        }))
+        Ok(Some(Self { runs, places, seed, permutations, features, compiled, interpreted }))
     }
 
     fn fate(
@@ -329,75 +305,11 @@ impl<'a> Hunter<'a> {
         };
         Ok(match self.hunted(&compiled, others, is_over)? {
             Hunted::Failed(failing) => Fate::Noticed(failing.run.by()),
-            Hunted::Passed { is_different } => {
-                let is_told =
-                    was_different || is_different || self.is_told(&compiled, change, is_over)?;
-                Fate::Survived(if is_told { Shown::Different } else { Shown::Same })
+            Hunted::Passed { is_different } if was_different || is_different => {
+                Fate::Survived(Shown::Different)
             }
+            Hunted::Passed { .. } => Fate::Survived(Shown::Same),
         })
-    }
-
-    /// Whether a session that nobody judges goes otherwise.
-    fn is_told(
-        &self,
-        subject: &Sandboxed,
-        change: &Change,
-        is_over: &dyn Fn() -> bool,
-    ) -> Result<bool, ScoreError> {
-        for Crossed { crossing, executed, effects } in &self.crossings {
-            if is_over() {
-                return Err(ScoreError::Stopped);
-            }
-            if self.places.is_executed(executed, change.function, change.at)
-                && Effects::of(crossing.run(subject)) != *effects
-            {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    }
-
-    /// Makes the sessions that nobody judges.
-    fn cross(
-        &mut self,
-        sound: &Sandboxed,
-        corpus: &Corpus,
-        options: &ScoreOptions,
-        stop: &AtomicBool,
-    ) -> Result<(), ScoreError> {
-        let is_over = || stop.load(Ordering::Relaxed);
-        let claimed = corpus
-            .ledgers
-            .iter()
-            .filter(|ledger| self.features.contains_key(ledger.profile.as_str()));
-        let models: Vec<_> = claimed.filter_map(model_of).collect();
-        let drawn = Sessions { count: options.crossings, seed: options.seed };
-        let crossed = |group: u64| {
-            let watcher = self.watcher.another();
-            let mut crossed = Vec::new();
-            for model in &models {
-                let numbers = drawn.numbers(group);
-                for crossing in Crossing::of(model, sound, options.seed, numbers, &is_over) {
-                    let effects = Effects::of(crossing.run(sound));
-                    crossing.run(&watcher);
-                    crossed.push(Crossed { crossing, executed: watcher.take(), effects });
-                }
-            }
-            crossed
-        };
-        let next = AtomicU64::new(1);
-        self.crossings = thread::scope(|scope| {
-            let worker = || {
-                let group = || next.fetch_add(1, Ordering::Relaxed);
-                std::iter::from_fn(|| Some(group()).filter(|group| *group <= GROUPS))
-                    .flat_map(&crossed)
-                    .collect::<Vec<_>>()
-            };
-            let workers: Vec<_> =
-                (0..options.threads.max(1)).map(|_| scope.spawn(worker)).collect();
-            workers.into_iter().flat_map(|own| own.join().unwrap_or_default()).collect()
-        });
-        if is_over() { Err(ScoreError::Stopped) } else { Ok(()) }
     }
 
     /// Runs the module as it is, which has to pass, and holds what it shows.
