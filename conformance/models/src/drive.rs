@@ -257,8 +257,7 @@ impl<'a, I: Instance> Drive<'a, I> {
                 self.call(|line, now, host| line.link.close(now, host))
             }
             HostRequest::Job { id, kind, fields, data } => {
-                let job = self.job(*id, kind, fields, data.len());
-                let job = job.map_err(|message| Finding::Fault { at: self.now, message })?;
+                let job = self.job(*id, kind, fields, data.len())?;
                 self.recorder.add_source(JobId(self.of_link(*id)), data.clone());
                 self.call(|line, now, host| line.link.begin_job(now, job, host))
             }
@@ -305,12 +304,13 @@ impl<'a, I: Instance> Drive<'a, I> {
         kind: &str,
         fields: &[(String, String)],
         size: usize,
-    ) -> Result<Job, String> {
+    ) -> Result<Job, Finding> {
+        let fault = |message| Finding::Fault { at: self.now, message };
         let place = self.manifest.job_kind(kind);
-        let place = place.ok_or_else(|| format!("the plug-in has no job \"{kind}\""))?;
+        let place = place.ok_or_else(|| fault(format!("the plug-in has no job \"{kind}\"")))?;
         let named = fields.iter().map(|(name, value)| (name.as_str(), value.as_str()));
         let fields = self.manifest.jobs[usize::from(place)].records(named);
-        let fields = fields.map_err(|error| error.to_string())?;
+        let fields = fields.map_err(|error| fault(error.to_string()))?;
         let check = self.manifest.needs.check_pass;
         let size = self.has_sizes.then_some(size as u64);
         Ok(Job { id: JobId(self.of_link(id)), kind: place, size, fields, check })

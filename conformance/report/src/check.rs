@@ -51,7 +51,7 @@ pub fn check(report: &Report) -> Result<(), Inconsistency> {
     sorted("cases", report.cases.iter().map(|case| &case.id))?;
     for (number, case) in report.cases.iter().enumerate() {
         let place = format!("cases[{number}] ({})", text::quoted(&case.id));
-        row(report, case).or_else(|message| wrong(&place, message))?;
+        row(report, case).or_else(|bad| wrong(&place, bad.to_string()))?;
     }
     clauses(report)?;
     let expected = Counts::of(&report.cases, &report.clauses, &report.profile, &report.selection);
@@ -113,56 +113,84 @@ fn sorted<'a>(
     Ok(())
 }
 
-fn row(report: &Report, case: &CaseRow) -> Result<(), String> {
+/// What a row of a case must not say.
+#[derive(Debug, thiserror::Error)]
+enum BadRow {
+    #[error("cites the clause {}, which is not listed", text::quoted(.0))]
+    UnlistedClause(String),
+    #[error("cites the clause {} twice", text::quoted(.0))]
+    ClauseTwice(String),
+    #[error("was executed, although it belongs to a feature that is not claimed")]
+    Unclaimed,
+    #[error("is newer than the revision, which its result does not say")]
+    Newer,
+    #[error("is not newer than the revision, which its result does not say")]
+    NotNewer,
+    #[error("has {0} runs, which its result contradicts")]
+    Runs(usize),
+    #[error("lists {0} failed runs, which its result contradicts")]
+    FailedRuns(usize),
+    #[error("lists {listed} failed runs and {more} more of {runs}")]
+    Sum { listed: usize, more: usize, runs: usize },
+    #[error("has used fuel without being executed")]
+    Fuel,
+    #[error("lists the run {}, which is not one of its own", text::quoted(.0))]
+    ForeignRun(String),
+    #[error("the run {} names a line 0; lines count from 1", text::quoted(.0))]
+    LineZero(String),
+    #[error("the run {} shows bytes that are no hex digits, or too many", text::quoted(.0))]
+    NoBytes(String),
+}
+
+fn row(report: &Report, case: &CaseRow) -> Result<(), BadRow> {
     let mut seen = BTreeSet::new();
     for id in &case.clauses {
         if report.clause(id).is_none() {
-            return Err(format!("cites the clause {}, which is not listed", text::quoted(id)));
+            return Err(BadRow::UnlistedClause(id.clone()));
         }
         if !seen.insert(id) {
-            return Err(format!("cites the clause {} twice", text::quoted(id)));
+            return Err(BadRow::ClauseTwice(id.clone()));
         }
     }
     let is_newer = case.since > report.profile.revision;
     let is_executed = !matches!(case.result, CaseResult::Skipped { .. });
     let is_unscored = matches!(case.result, CaseResult::Unscored { .. });
     if is_executed && report.outcome(case) == Outcome::Unclaimed {
-        return Err("was executed, although it belongs to a feature that is not claimed".into());
+        return Err(BadRow::Unclaimed);
     }
     if is_executed && is_newer != is_unscored {
-        let newer = if is_newer { "newer" } else { "not newer" };
-        return Err(format!("is {newer} than the revision, which its result does not say"));
+        return Err(if is_newer { BadRow::Newer } else { BadRow::NotNewer });
     }
     let has_failed = report.outcome(case).has_failed();
     let (runs, listed, more) =
         (case.runs as usize, case.failures.len(), case.more_failures as usize);
     if is_executed == (runs == 0) {
-        return Err(format!("has {runs} runs, which its result contradicts"));
+        return Err(BadRow::Runs(runs));
     }
     if has_failed == (listed == 0) {
-        return Err(format!("lists {listed} failed runs, which its result contradicts"));
+        return Err(BadRow::FailedRuns(listed));
     }
     if listed > FAILURES || (more > 0 && listed < FAILURES) || listed.saturating_add(more) > runs {
-        return Err(format!("lists {listed} failed runs and {more} more of {runs}"));
+        return Err(BadRow::Sum { listed, more, runs });
     }
     if !is_executed && case.fuel != 0 {
-        return Err("has used fuel without being executed".into());
+        return Err(BadRow::Fuel);
     }
     case.failures.iter().try_for_each(|run| failed_run(case, run))
 }
 
-fn failed_run(case: &CaseRow, run: &FailedRun) -> Result<(), String> {
-    let name = text::quoted(&run.run);
+fn failed_run(case: &CaseRow, run: &FailedRun) -> Result<(), BadRow> {
+    let name = || run.run.clone();
     let permutation = run.run.strip_prefix(&case.id).and_then(|rest| rest.strip_prefix('/'));
     if permutation.is_none_or(str::is_empty) {
-        return Err(format!("lists the run {name}, which is not one of its own"));
+        return Err(BadRow::ForeignRun(name()));
     }
     if run.line == Some(0) {
-        return Err(format!("the run {name} names a line 0; lines count from 1"));
+        return Err(BadRow::LineZero(name()));
     }
     for digits in [&run.expected_bytes, &run.observed_bytes] {
         if hex::parse(digits).is_none_or(|bytes| bytes.len() > SHOWN_BYTES) {
-            return Err(format!("the run {name} shows bytes that are no hex digits, or too many"));
+            return Err(BadRow::NoBytes(name()));
         }
     }
     Ok(())

@@ -55,7 +55,7 @@ pub use generate::{GENERATORS, Generator, GeneratorKind};
 pub use model::{
     Alternatives, Assignment, BadKind, ByteClass, CheckFault, DeliveryEnd, Digest, Direction,
     Drain, Edge, Entry, Exact, Expected, Files, FrontMatter, HostRequest, Item, Level, Line,
-    LineErrorKind, LineEvent, LineSettings, LinkDownReason, ModemLevels, ModemLine, NoFiles,
-    Origin, Parity, Payload, PayloadError, Permutations, Piece, Room, SourceLine, Time, Trace,
-    What, When,
+    LineErrorKind, LineEvent, LineSettings, LinkDownReason, ModemLevels, ModemLine, NoFile,
+    NoFiles, Origin, Parity, Payload, PayloadError, Permutations, Piece, Room, SourceLine, Time,
+    Trace, What, When,
 };

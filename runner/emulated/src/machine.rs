@@ -14,6 +14,7 @@ use crate::HANG;
 use crate::console::{Console, Ran};
 use crate::qemu::Qemu;
 use crate::qmp::Qmp;
+use crate::qmp::QmpError;
 use crate::wire::Wire;
 
 /// What the booted machine is kept in, beside its images.
@@ -271,7 +272,7 @@ impl Machine {
 impl Drop for Machine {
     fn drop(&mut self) {
         // In good order if it can; the process is killed right after.
-        let _: Result<Value, String> = self.qmp.try_ask("quit", &json!({}));
+        let _: Result<Value, QmpError> = self.qmp.try_ask("quit", &json!({}));
     }
 }
 

@@ -1,11 +1,28 @@
 //! QEMU's control socket: one JSON document a line each way.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{self, BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 
 use serde_json::{Value, json};
+use thiserror::Error;
 
 use crate::HANG;
+
+/// Why a command has no answer.
+#[derive(Debug, Error)]
+pub(crate) enum QmpError {
+    #[error(transparent)]
+    NotAsked(#[from] io::Error),
+    #[error("it has ended")]
+    Ended,
+    #[error("no answer: {0}")]
+    NoAnswer(io::Error),
+    #[error("{error}: {line}")]
+    NoJson { line: String, error: serde_json::Error },
+    /// What QEMU says.
+    #[error("{0}")]
+    Refused(Value),
+}
 
 /// The control connection of one QEMU.
 pub(crate) struct Qmp {
@@ -32,13 +49,13 @@ impl Qmp {
     }
 
     /// Asks a machine that may be gone.
-    pub(crate) fn try_ask(&mut self, command: &str, arguments: &Value) -> Result<Value, String> {
+    pub(crate) fn try_ask(&mut self, command: &str, arguments: &Value) -> Result<Value, QmpError> {
         let line = json!({ "execute": command, "arguments": arguments }).to_string() + "\n";
-        self.out.write_all(line.as_bytes()).map_err(|error| error.to_string())?;
+        self.out.write_all(line.as_bytes())?;
         loop {
             let mut answer = self.try_read()?;
             if let Some(error) = answer.get("error") {
-                return Err(error.to_string());
+                return Err(QmpError::Refused(error.clone()));
             }
             if let Some(value) = answer.get_mut("return") {
                 return Ok(value.take());
@@ -51,12 +68,12 @@ impl Qmp {
         self.try_read().unwrap_or_else(|error| panic!("QEMU: {error}"))
     }
 
-    fn try_read(&mut self) -> Result<Value, String> {
+    fn try_read(&mut self) -> Result<Value, QmpError> {
         let mut line = String::new();
         match self.input.read_line(&mut line) {
-            Ok(0) => Err("it has ended".to_owned()),
-            Ok(_) => serde_json::from_str(&line).map_err(|error| format!("{error}: {line}")),
-            Err(error) => Err(format!("no answer: {error}")),
+            Ok(0) => Err(QmpError::Ended),
+            Ok(_) => serde_json::from_str(&line).map_err(|error| QmpError::NoJson { line, error }),
+            Err(error) => Err(QmpError::NoAnswer(error)),
         }
     }
 }

@@ -84,6 +84,7 @@ pub fn verify(
     let file = || envelope.file.to_owned();
     let payload = Envelope::read(envelope)?.open(envelope.file, key)?;
     let said = Statement::read(&payload)
+        .map_err(|error| text::line(&error.to_string()))
         .map_err(|message| VerifyError::Statement { file: file(), message })?;
     let judged = json::read(report.file, report.text)?;
     let expected = Statement::of(&judged, report.text);

@@ -112,8 +112,8 @@ impl Statement {
         serde_json::to_string(self).expect("a statement is texts, numbers and lists of them")
     }
 
-    pub(super) fn read(payload: &[u8]) -> Result<Self, String> {
-        serde_json::from_slice(payload).map_err(|error| text::line(&error.to_string()))
+    pub(super) fn read(payload: &[u8]) -> Result<Self, serde_json::Error> {
+        serde_json::from_slice(payload)
     }
 
     /// Names the first thing in which it does not follow from the report.

@@ -10,8 +10,8 @@ use crate::run::permute::Permutation;
 use crate::run::subject::Sandboxed;
 use softplug_abi::Micros;
 use softplug_abi::limits::FUEL_PER_EVENT;
-use softplug_abi::manifest::Manifest;
-use softplug_host::{EngineKind, Host, HostOptions, Plugin, SessionFault, lint};
+use softplug_abi::manifest::{Manifest, SettingError};
+use softplug_host::{EngineKind, Host, HostOptions, LoadError, Plugin, SessionFault, lint};
 
 /// The name of the run under the engine that has no more memory than is said.
 const BOUNDED: &str = "interpreter";
@@ -81,7 +81,7 @@ impl Engines {
             Err(error) => return unfit(Some(manifest), error.to_string()),
         };
         if let Err(reason) = begins(&plugin) {
-            return unfit(Some(manifest), reason);
+            return unfit(Some(manifest), reason.to_string());
         }
         // What only one of them takes can be shown by one of them only.
         let (host, second_run) = match manifest.memory_bytes {
@@ -102,14 +102,25 @@ impl Engines {
     }
 }
 
+/// Why there is no instance that could be judged.
+#[derive(Debug, thiserror::Error)]
+enum NoBegin {
+    #[error(transparent)]
+    Instance(#[from] LoadError),
+    #[error(transparent)]
+    Defaults(#[from] SettingError),
+    #[error(transparent)]
+    Fault(#[from] SessionFault),
+}
+
 /// Whether there is an instance that takes its own defaults, or refuses them: which of the two
 /// it is, the cases judge.
-fn begins(plugin: &Plugin) -> Result<(), String> {
-    let mut session = plugin.instantiate().map_err(|error| error.to_string())?;
-    let defaults = plugin.manifest().resolve_settings([]).map_err(|error| error.to_string())?;
+fn begins(plugin: &Plugin) -> Result<(), NoBegin> {
+    let mut session = plugin.instantiate()?;
+    let defaults = plugin.manifest().resolve_settings([])?;
     match session.configure(&defaults, Micros::ZERO) {
         Ok(()) | Err(SessionFault::Refused { .. }) => Ok(()),
-        Err(fault) => Err(fault.to_string()),
+        Err(fault) => Err(fault.into()),
     }
 }
 

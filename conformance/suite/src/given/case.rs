@@ -4,8 +4,9 @@ use super::ledger::SettingUse;
 use super::read::read_bytes;
 use sha2::{Digest as _, Sha256};
 use softplug_abi::manifest::Manifest;
-use softplug_trace::{Assignment, Digest, Files, Trace, limits};
+use softplug_trace::{Assignment, Digest, Files, NoFile, Trace, limits};
 use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -101,27 +102,27 @@ impl Case {
     }
 }
 
-fn find_attached(attached: &Attached, digest: &Digest) -> Result<Vec<u8>, String> {
+fn find_attached(attached: &Attached, digest: &Digest) -> Result<Vec<u8>, NoFile> {
     let name = digest.to_string();
-    let bytes = attached.get(&name);
-    let bytes = bytes.ok_or_else(|| format!("the corpus has no file files/{name}"))?;
+    let bytes = attached.get(&name).ok_or(NoFile::NotInCorpus(*digest))?;
     checked(&Path::new("files").join(name), bytes.clone(), digest)
 }
 
-fn read(folder: &Path, digest: &Digest) -> Result<Vec<u8>, String> {
+fn read(folder: &Path, digest: &Digest) -> Result<Vec<u8>, NoFile> {
     let name = digest.to_string();
     let beside = folder.join("files").join(&name);
     let above = folder.join("../files").join(&name);
     let path = if beside.is_file() { beside } else { above };
-    let bytes = read_bytes(&path, limits::ITEM_BYTES)
-        .map_err(|error| format!("{}: {error}", path.display()))?;
+    let unreadable =
+        |error: io::Error| NoFile::Unreadable { path: path.clone(), reason: error.to_string() };
+    let bytes = read_bytes(&path, limits::ITEM_BYTES).map_err(unreadable)?;
     checked(&path, bytes, digest)
 }
 
-fn checked(path: &Path, bytes: Vec<u8>, digest: &Digest) -> Result<Vec<u8>, String> {
+fn checked(path: &Path, bytes: Vec<u8>, digest: &Digest) -> Result<Vec<u8>, NoFile> {
     if Sha256::digest(&bytes)[..] == digest.0 {
         Ok(bytes)
     } else {
-        Err(format!("{} has another digest than its name says", path.display()))
+        Err(NoFile::OtherDigest(path.to_owned()))
     }
 }

@@ -3,10 +3,10 @@
 use super::case::Case;
 use super::fields::records;
 use super::lines::{bad_kind, down_reason, line_error, line_parameters, modem_lines};
-use softplug_abi::manifest::Manifest;
+use softplug_abi::manifest::{FieldError, Manifest};
 use softplug_abi::{Failure, JobId, LineErrorKind, LinkDownReason, Micros, ModemLines};
 use softplug_link::Job;
-use softplug_trace::{Drain, HostRequest, LineEvent, PayloadError, Piece, What, When};
+use softplug_trace::{Drain, HostRequest, LineEvent, Payload, PayloadError, Piece, What, When};
 
 /// Inputs in the order in which they come.
 #[derive(Clone, Debug, Default)]
@@ -91,6 +91,30 @@ pub struct TimelineError {
     pub reason: String,
 }
 
+/// What of a trace's line the plug-in or the replay cannot do.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum NotPossible {
+    #[error(transparent)]
+    Payload(#[from] PayloadError),
+    #[error(transparent)]
+    Field(#[from] FieldError),
+    #[error("the plug-in takes no job of kind \"{0}\"")]
+    Job(String),
+    #[error("the plug-in makes no request of kind \"{0}\"")]
+    Request(String),
+    #[error("room to transmit grows as bytes leave; only room for deliveries can be given")]
+    TransmitRoom,
+    #[error("\"{0}\" is no failure of the ABI")]
+    Failure(String),
+}
+
+impl NotPossible {
+    /// With the line of the trace's file that asks for it.
+    pub(crate) fn at(self, line: u32) -> TimelineError {
+        TimelineError { line, reason: self.to_string() }
+    }
+}
+
 impl Timeline {
     pub(crate) fn new(
         case: &Case,
@@ -103,8 +127,7 @@ impl Timeline {
         let mut window = 0;
         for entry in case.trace.inputs() {
             let number = entry.line.0;
-            let fail = |reason: String| TimelineError { line: number, reason };
-            let bytes = |error: PayloadError| fail(error.to_string());
+            let bytes = |error: PayloadError| NotPossible::from(error).at(number);
             let at = place(entry.when, windows, &mut window);
             match &entry.what {
                 What::Receive(payload) => {
@@ -130,7 +153,8 @@ impl Timeline {
                 }
                 What::Line(event) => given.push(Given { at, what: of_line(event) }),
                 What::Host(request) => {
-                    let asked = of_host(case, manifest, request).map_err(fail)?;
+                    let asked = of_host(case, manifest, request);
+                    let asked = asked.map_err(|error| error.at(number))?;
                     given.push(Given { at, what: Input::Host(asked) });
                 }
                 What::Send(_)
@@ -186,16 +210,13 @@ fn of_line(event: &LineEvent) -> Input {
     }
 }
 
-fn of_host(case: &Case, manifest: &Manifest, request: &HostRequest) -> Result<Asked, String> {
-    let bytes = |payload: &softplug_trace::Payload| {
-        payload.bytes(&case.files()).map_err(|error| error.to_string())
-    };
+fn of_host(case: &Case, manifest: &Manifest, request: &HostRequest) -> Result<Asked, NotPossible> {
+    let bytes = |payload: &Payload| payload.bytes(&case.files());
     Ok(match request {
         HostRequest::Job { id, kind, fields, data } => {
             let data = bytes(data)?;
-            let place = manifest
-                .job_kind(kind)
-                .ok_or_else(|| format!("the plug-in takes no job of kind \"{kind}\""))?;
+            let place = manifest.job_kind(kind);
+            let place = place.ok_or_else(|| NotPossible::Job(kind.clone()))?;
             let job = Job {
                 id: JobId(*id),
                 kind: place,
@@ -211,11 +232,7 @@ fn of_host(case: &Case, manifest: &Manifest, request: &HostRequest) -> Result<As
         HostRequest::ForceResume => Asked::ForceResume,
         HostRequest::Room(room) => match (room.transmit, room.delivery) {
             (None, Some(bytes)) => Asked::Room(bytes),
-            _ => {
-                return Err("room to transmit grows as bytes leave; only room for deliveries \
-                            can be given"
-                    .to_owned());
-            }
+            _ => return Err(NotPossible::TransmitRoom),
         },
         HostRequest::Drain(drain) => Asked::Drain(*drain),
         HostRequest::Grant { id, data } => Asked::Answer(*id, Ok(bytes(data)?)),
@@ -226,8 +243,8 @@ fn of_host(case: &Case, manifest: &Manifest, request: &HostRequest) -> Result<As
     })
 }
 
-pub(crate) fn failure(name: &str) -> Result<Failure, String> {
-    Failure::from_name(name).ok_or_else(|| format!("\"{name}\" is no failure of the ABI"))
+pub(crate) fn failure(name: &str) -> Result<Failure, NotPossible> {
+    Failure::from_name(name).ok_or_else(|| NotPossible::Failure(name.to_owned()))
 }
 
 #[cfg(test)]

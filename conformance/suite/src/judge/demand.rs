@@ -3,7 +3,7 @@
 use crate::given::case::Case;
 use crate::given::fields::records;
 use crate::given::lines::modem_lines;
-use crate::given::timeline::{TimelineError, failure, micros};
+use crate::given::timeline::{NotPossible, TimelineError, failure, micros};
 use crate::run::effect::{Delivered, Effect};
 use softplug_abi::Micros;
 use softplug_abi::manifest::Manifest;
@@ -52,16 +52,15 @@ pub(crate) fn demands(
 ) -> Result<Vec<Demand>, TimelineError> {
     let expected = timeline.iter().filter(|entry| entry.what.is_expectation());
     let demand = |entry: &&Entry| {
-        let what = demanded(case, manifest, &entry.what)
-            .map_err(|reason| TimelineError { line: entry.line.0, reason })?;
+        let what = demanded(case, manifest, &entry.what).map_err(|error| error.at(entry.line.0))?;
         let (from, to) = (micros(entry.when.from), micros(entry.when.to));
         Ok(Demand { from, to, line: entry.line.0, what })
     };
     expected.map(demand).collect()
 }
 
-fn demanded(case: &Case, manifest: &Manifest, what: &What) -> Result<Demanded, String> {
-    let bytes = |payload: &Payload| payload.bytes(&case.files()).map_err(|error| error.to_string());
+fn demanded(case: &Case, manifest: &Manifest, what: &What) -> Result<Demanded, NotPossible> {
+    let bytes = |payload: &Payload| payload.bytes(&case.files());
     Ok(Demanded::Effect(match what {
         What::Send(payload) => return Ok(Demanded::Bytes(bytes(payload)?)),
         What::SendBreak(micros) => Effect::Break(*micros),
@@ -102,7 +101,7 @@ fn demanded(case: &Case, manifest: &Manifest, what: &What) -> Result<Demanded, S
     }))
 }
 
-fn check(id: u32, fault: Option<&CheckFault>) -> Result<Effect, String> {
+fn check(id: u32, fault: Option<&CheckFault>) -> Result<Effect, NotPossible> {
     let Some(fault) = fault else {
         return Ok(Effect::Check { id, failure: None, status: 0, line: 0, column: 0 });
     };
@@ -120,9 +119,9 @@ fn request(
     id: u32,
     kind: &str,
     fields: &[Assignment],
-) -> Result<Effect, String> {
+) -> Result<Effect, NotPossible> {
     let place = manifest.requests.iter().position(|known| known.name == kind);
-    let place = place.ok_or_else(|| format!("the plug-in makes no request of kind \"{kind}\""))?;
+    let place = place.ok_or_else(|| NotPossible::Request(kind.to_owned()))?;
     let fields = records(&manifest.requests[place], fields)?;
     Ok(Effect::Request { id, kind: place as u16, fields })
 }

@@ -9,7 +9,7 @@ use crate::given::case::Case;
 use crate::given::timeline::micros;
 use softplug_abi::{DeliveryId, Event, EventKind, JobId, Micros, Pass, RequestId};
 use softplug_link::{Recorder, Rerun, UnderWay};
-use softplug_trace::{Assignment, Entry, Exact, What};
+use softplug_trace::{Assignment, Entry, Exact, PayloadError, What};
 use std::rc::Rc;
 
 /// Nothing is demanded of the plug-in but that it does not fail.
@@ -33,7 +33,7 @@ fn run<S: Subject>(
     let mut entries = case.trace.entries().filter(|entry| entry.what != What::Quiet).peekable();
     let under_way = match entries.peek().map(|entry| &entry.what) {
         Some(What::Exact(Exact::UnderWay(facts))) => {
-            let known = under_way(facts).map_err(|reason| unfit(&reason))?;
+            let known = under_way(facts).map_err(|error| unfit(&error.to_string()))?;
             entries.next();
             known
         }
@@ -58,26 +58,44 @@ fn run<S: Subject>(
     Ok(())
 }
 
+/// What of a flight recording cannot be given again.
+#[derive(Debug, thiserror::Error)]
+enum Unfit {
+    #[error("a flight recording holds `@` and `.` lines only, under-way first")]
+    Line,
+    #[error("\"{0}\" is no event of the ABI")]
+    Event(String),
+    #[error(transparent)]
+    Payload(#[from] PayloadError),
+    #[error("under-way: {name} is no number: \"{value}\"")]
+    Number { name: String, value: String },
+    #[error("under-way: pass is run or check")]
+    Pass,
+    #[error("under-way: requests are numbers with commas between, not \"{0}\"")]
+    Requests(String),
+    #[error("under-way: \"{0}\" is not known")]
+    Fact(String),
+}
+
 fn unfit(reason: &str) -> Fault {
     Fault::new(FaultClass::NotApplicable, Micros::ZERO, reason)
 }
 
-fn event(case: &Case, entry: &Entry) -> Result<(EventKind, Vec<u8>), String> {
+fn event(case: &Case, entry: &Entry) -> Result<(EventKind, Vec<u8>), Unfit> {
     let What::Exact(Exact::Event { name, payload }) = &entry.what else {
-        return Err("a flight recording holds `@` and `.` lines only, under-way first".to_owned());
+        return Err(Unfit::Line);
     };
-    let kind =
-        EventKind::from_name(name).ok_or_else(|| format!("\"{name}\" is no event of the ABI"))?;
-    let payload = payload.bytes(&case.files()).map_err(|error| error.to_string())?;
-    Ok((kind, payload))
+    let kind = EventKind::from_name(name).ok_or_else(|| Unfit::Event(name.clone()))?;
+    Ok((kind, payload.bytes(&case.files())?))
 }
 
-fn under_way(facts: &[Assignment]) -> Result<UnderWay, String> {
+fn under_way(facts: &[Assignment]) -> Result<UnderWay, Unfit> {
     let mut known = UnderWay::default();
     let mut pass = Pass::Run;
     for Assignment { name, value } in facts {
         let number = || {
-            value.parse::<u32>().map_err(|_| format!("under-way: {name} is no number: \"{value}\""))
+            let wrong = |_| Unfit::Number { name: name.clone(), value: value.clone() };
+            value.parse::<u32>().map_err(wrong)
         };
         match name.as_str() {
             "job" => known.job = Some((JobId(number()?), pass)),
@@ -85,7 +103,7 @@ fn under_way(facts: &[Assignment]) -> Result<UnderWay, String> {
                 pass = match value.as_str() {
                     "run" => Pass::Run,
                     "check" => Pass::Check,
-                    _ => return Err("under-way: pass is run or check".to_owned()),
+                    _ => return Err(Unfit::Pass),
                 };
                 known.job = known.job.map(|(job, _)| (job, pass));
             }
@@ -94,11 +112,9 @@ fn under_way(facts: &[Assignment]) -> Result<UnderWay, String> {
             "requests" => {
                 let ids: Result<_, _> =
                     value.split(',').map(|id| id.parse().map(RequestId)).collect();
-                known.requests = ids.map_err(|_| {
-                    format!("under-way: requests are numbers with commas between, not \"{value}\"")
-                })?;
+                known.requests = ids.map_err(|_| Unfit::Requests(value.clone()))?;
             }
-            _ => return Err(format!("under-way: \"{name}\" is not known")),
+            _ => return Err(Unfit::Fact(name.clone())),
         }
     }
     Ok(known)

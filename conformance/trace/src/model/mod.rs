@@ -13,7 +13,7 @@ pub use entry::{
     LineEvent, LinkDownReason, SourceLine, What,
 };
 pub use front::{ByteClass, Edge, FrontMatter, Level, LineSettings, Origin, Parity, Permutations};
-pub use payload::{BadKind, Digest, Files, Item, NoFiles, Payload, PayloadError, Piece};
+pub use payload::{BadKind, Digest, Files, Item, NoFile, NoFiles, Payload, PayloadError, Piece};
 pub use time::{Time, When};
 
 /// A case: what it is about, and what happens in it.

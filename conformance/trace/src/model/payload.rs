@@ -1,6 +1,7 @@
 //! Bytes as a trace writes them, and how they become bytes.
 
 use std::fmt;
+use std::path::PathBuf;
 
 use crate::generate::Generator;
 use crate::limits::ITEM_BYTES;
@@ -100,12 +101,12 @@ pub trait Files {
     /// digest.
     ///
     /// # Errors
-    /// Why there is none, for people.
-    fn read(&self, digest: &Digest) -> Result<Vec<u8>, String>;
+    /// Why there is none.
+    fn read(&self, digest: &Digest) -> Result<Vec<u8>, NoFile>;
 }
 
-impl<F: Fn(&Digest) -> Result<Vec<u8>, String>> Files for F {
-    fn read(&self, digest: &Digest) -> Result<Vec<u8>, String> {
+impl<F: Fn(&Digest) -> Result<Vec<u8>, NoFile>> Files for F {
+    fn read(&self, digest: &Digest) -> Result<Vec<u8>, NoFile> {
         self(digest)
     }
 }
@@ -115,9 +116,39 @@ impl<F: Fn(&Digest) -> Result<Vec<u8>, String>> Files for F {
 pub struct NoFiles;
 
 impl Files for NoFiles {
-    fn read(&self, _digest: &Digest) -> Result<Vec<u8>, String> {
-        Err("no files are at hand".to_owned())
+    fn read(&self, _digest: &Digest) -> Result<Vec<u8>, NoFile> {
+        Err(NoFile::NoneAtHand)
     }
+}
+
+/// Why a file that an item names cannot be had.
+///
+/// ```
+/// use softplug_trace::{Digest, Files, NoFile, NoFiles};
+///
+/// let refused = NoFiles.read(&Digest([0; 32])).unwrap_err();
+/// assert_eq!(refused, NoFile::NoneAtHand);
+/// assert_eq!(refused.to_string(), "no files are at hand");
+/// ```
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum NoFile {
+    /// There are no files at all.
+    #[error("no files are at hand")]
+    NoneAtHand,
+    /// The corpus that the trace belongs to has none of this digest.
+    #[error("the corpus has no file files/{0}")]
+    NotInCorpus(Digest),
+    /// The system does not give it.
+    #[error("{}: {reason}", path.display())]
+    Unreadable {
+        /// Where it should be.
+        path: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+    /// Its content is not what its name says.
+    #[error("{} has another digest than its name says", .0.display())]
+    OtherDigest(PathBuf),
 }
 
 /// Part of what arrives.
@@ -143,7 +174,7 @@ pub enum PayloadError {
         /// The file.
         digest: Digest,
         /// Why.
-        reason: String,
+        reason: NoFile,
     },
     /// A file or a generated run is over the limit.
     #[error("{item} gives {length} bytes; at most {ITEM_BYTES} are allowed")]
@@ -347,7 +378,7 @@ mod tests {
             Item::Text(b">".to_vec()),
         ]);
         let files = |asked: &Digest| {
-            if *asked == digest { Ok(b"G0".to_vec()) } else { Err("unknown".to_owned()) }
+            if *asked == digest { Ok(b"G0".to_vec()) } else { Err(NoFile::NotInCorpus(*asked)) }
         };
         assert_eq!(payload.bytes(&files), Ok(b"<G0>".to_vec()));
         assert_eq!(payload.length(), None);

@@ -1,5 +1,6 @@
 //! `(SOFTPLUG WAIT 10 LATHE-1 LATHE-2)`, or behind a semicolon.
 
+use super::bad_word::BadWord;
 use super::{Names, Read, program_name};
 use crate::word::Word;
 
@@ -37,10 +38,6 @@ fn word(comment: &str, parts: &[&str], names: Names<'_>) -> Read<Word> {
         ("GET", [axis]) => Ok(Word::Get { axis: names.axis(axis)?, forced: false }),
         ("TAKE", [axis]) => Ok(Word::Get { axis: names.axis(axis)?, forced: true }),
         ("RELEASE", [axis]) => Ok(Word::Release { axis: names.axis(axis)? }),
-        _ => Err(format!(
-            "\"{}\" cannot be understood: write (SOFTPLUG WAIT mark channels), LOAD channel \
-             program, START channel, GET axis, TAKE axis or RELEASE axis",
-            comment.trim().escape_debug()
-        )),
+        _ => Err(BadWord::Comment(comment.trim().to_owned())),
     }
 }

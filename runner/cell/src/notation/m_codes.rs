@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 
+use super::bad_word::BadWord;
 use super::{Names, Read, without_number};
 use crate::word::Word;
 
@@ -24,11 +25,7 @@ pub(super) fn words(text: &str, codes: RangeInclusive<u32>, names: Names<'_>) ->
             let digits = paths.char_indices().map(|(at, _)| &paths[at..=at]);
             Ok(vec![names.meeting(mark, digits)?])
         }
-        _ => Err(format!(
-            "\"{}\": a waiting M code has to stand alone in its block, with P and the numbers of \
-             the channels that wait, or without for all",
-            text.trim().escape_debug()
-        )),
+        _ => Err(BadWord::MCode(text.trim().to_owned())),
     }
 }
 

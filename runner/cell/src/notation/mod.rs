@@ -3,6 +3,7 @@
 //! Each notation says how a block is read. The comment form is known in all of them. Words take
 //! effect behind their block: there the feed stops.
 
+mod bad_word;
 mod comment;
 mod m_codes;
 mod siemens;
@@ -15,6 +16,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use self::bad_word::BadWord;
 use crate::setup::{AxisId, ChannelId, ChannelSet, Setup};
 use crate::word::Word;
 
@@ -107,7 +109,7 @@ struct Names<'a> {
     setup: &'a Setup,
 }
 
-type Read<T> = Result<T, String>;
+type Read<T> = Result<T, BadWord>;
 
 impl Program<'_> {
     /// Reads a program of a channel.
@@ -125,7 +127,7 @@ impl Program<'_> {
         let (mut stops, mut left_out): (Vec<Stop>, Vec<u32>) = (Vec::new(), Vec::new());
         let mut at = 0;
         for (block, line) in (1..).zip(lines(program)) {
-            let wrong = |text| WordError { block, text };
+            let wrong = |error: BadWord| WordError { block, text: error.to_string() };
             let text = String::from_utf8_lossy(line.trim_ascii());
             let read = match line.len() {
                 0..=LONGEST_BLOCK => notation.block(&text, names).map_err(wrong)?,
@@ -152,7 +154,7 @@ impl Program<'_> {
             at += line.len();
             stops.extend(words.into_iter().map(|word| Stop { at: sent.len() as u64, block, word }));
             if stops.len() > MOST_WORDS {
-                return Err(wrong(format!("the program has more than {MOST_WORDS} words")));
+                return Err(wrong(BadWord::TooMany));
             }
         }
         Ok(Program { sent, stops, left_out })
@@ -176,13 +178,9 @@ impl Notation {
         match (in_comments.is_empty(), said.is_empty()) {
             (true, true) => Ok(Block::Other),
             (false, true) => Ok(Block::Sent(in_comments)),
-            (true, false) if is_skipped => {
-                Err("a word cannot be skipped by choice: take the / away".to_owned())
-            }
+            (true, false) if is_skipped => Err(BadWord::Skipped),
             (true, false) => Ok(Block::LeftOut(said)),
-            (false, false) => {
-                Err("words in two notations stand here: give each a block of its own".to_owned())
-            }
+            (false, false) => Err(BadWord::TwoNotations),
         }
     }
 }
@@ -227,7 +225,7 @@ impl Names<'_> {
         };
         setup.channel(name).or_else(numbered).ok_or_else(|| {
             let known = setup.names(setup.channels().collect());
-            format!("\"{}\" is no channel of the cell, which has {known}", name.escape_debug())
+            BadWord::Channel { name: name.to_owned(), known }
         })
     }
 
@@ -237,7 +235,7 @@ impl Names<'_> {
             let known: Vec<&str> =
                 self.setup.axes().map(|axis| self.setup.axis_name(axis)).collect();
             let known = crate::setup::listed(&known);
-            format!("\"{}\" is no axis of the cell, which has {known}", name.escape_debug())
+            BadWord::Axis { name: name.to_owned(), known }
         })
     }
 
@@ -253,7 +251,7 @@ impl Names<'_> {
         }
         set.insert(self.by);
         if set.len() < 2 {
-            return Err("a channel cannot meet itself: name another one".to_owned());
+            return Err(BadWord::Alone);
         }
         Ok(Word::Wait { mark, with: set })
     }
@@ -264,9 +262,7 @@ fn number(text: &str) -> Read<u32> {
     let text = text.trim();
     let number =
         if text.bytes().all(|byte| byte.is_ascii_digit()) { text.parse().ok() } else { None };
-    number.ok_or_else(|| {
-        format!("\"{}\" is no mark: give a whole number up to {}", text.escape_debug(), u32::MAX)
-    })
+    number.ok_or_else(|| BadWord::Mark(text.to_owned()))
 }
 
 /// The name of a program, with or without quotes.
@@ -278,7 +274,7 @@ fn program_name(text: &str) -> Read<String> {
     if is_name {
         return Ok(name.to_owned());
     }
-    Err(format!("\"{}\" names no program", name.escape_debug()))
+    Err(BadWord::Program(name.to_owned()))
 }
 
 /// The block without its number, as `N30` or `30`.

@@ -2,6 +2,7 @@
 //! and arguments are those of SINUMERIK 840D, "Job Planning", programme coordination and axis
 //! replacement.
 
+use super::bad_word::BadWord;
 use super::{Names, Read, program_name, without_number};
 use crate::word::Word;
 
@@ -20,7 +21,7 @@ pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
     let verb = verb.trim().to_ascii_uppercase();
     if UNKNOWN.contains(&&*verb) {
         let known = VERBS.join(", ");
-        return Err(format!("{verb} is not understood: the cell knows {known}"));
+        return Err(BadWord::SiemensUnknown { verb, known });
     }
     if !VERBS.contains(&&*verb) {
         return match VERBS.iter().find(|known| verb.ends_with(**known)) {
@@ -53,11 +54,7 @@ pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
         ("RELEASE", axes) => {
             axes.iter().map(|axis| Ok(Word::Release { axis: names.axis(axis)? })).collect()
         }
-        _ => Err(format!(
-            "\"{}\" cannot be understood: write WAITM(mark,channels), INIT(channel,\"program\"), \
-             START(channels), GET(axes), GETD(axes) or RELEASE(axes)",
-            block.escape_debug()
-        )),
+        _ => Err(BadWord::Siemens(block.to_owned())),
     }
 }
 
@@ -65,6 +62,6 @@ fn unquoted(text: &str) -> &str {
     text.trim_matches('"')
 }
 
-fn alone(verb: &str) -> String {
-    format!("{verb} has to stand alone in its block, with its arguments in brackets")
+fn alone(verb: &str) -> BadWord {
+    BadWord::SiemensAmongOthers(verb.to_owned())
 }

@@ -1,5 +1,6 @@
 //! `WAI 10 LATHE-1 LATHE-2`, `LAD LATHE-2 O1234`, `EXE LATHE-2`.
 
+use super::bad_word::BadWord;
 use super::{Names, Read, program_name, without_number};
 use crate::word::Word;
 
@@ -18,11 +19,7 @@ pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
         }
         ("EXE", [channel]) => Word::Start { channel: names.channel(channel)? },
         ("WAI" | "LAD" | "EXE", _) => {
-            return Err(format!(
-                "\"{}\" cannot be understood: write WAI mark channels, LAD channel program or EXE \
-                 channel",
-                text.trim().escape_debug()
-            ));
+            return Err(BadWord::Wai(text.trim().to_owned()));
         }
         _ => {
             let is_verb = |part: &&&str| {
@@ -31,10 +28,7 @@ pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
                 rests.any(|rest| rest.bytes().all(|byte| byte.is_ascii_digit()))
             };
             return match parts.iter().find(is_verb) {
-                Some(part) => Err(format!(
-                    "{} has to stand alone in its block, apart from what it names",
-                    part.escape_debug()
-                )),
+                Some(part) => Err(BadWord::WaiAmongOthers((*part).to_owned())),
                 None => Ok(Vec::new()),
             };
         }

@@ -113,6 +113,18 @@ pub enum UnitClientError {
     },
 }
 
+/// Why a unit does not run what is in its memory.
+#[derive(Debug, Error)]
+enum NotRun {
+    #[error("its settings have {bytes} bytes; {most} are the most")]
+    Settings { bytes: usize, most: usize },
+    /// As it says.
+    #[error("{0}")]
+    Refused(String),
+    #[error("it has ended by a fault: {0}")]
+    Fault(String),
+}
+
 /// Nothing over CAN says that a session is over: a unit that is driven may be free after this span,
 /// in which nobody was heard.
 const OVER: Duration = Duration::from_secs(4);
@@ -358,12 +370,17 @@ impl UnitClient {
                 if headway.is_some() { Heard::Headway } else { Heard::Nothing }
             }
             Some(&ToServer::Installed { .. }) => Heard::Found(Ok(())),
-            Some(&ToServer::NotInstalled { why, .. }) => Heard::Found(Err(plain_text(why))),
+            Some(&ToServer::NotInstalled { why, .. }) => {
+                Heard::Found(Err(client.not_taken(plain_text(why))))
+            }
             _ => Heard::Nothing,
         })?;
-        whole.map_err(|why| self.not_taken(why))?;
+        whole?;
         let opened = self.open(link, plugin)?;
-        opened.map_err(|why| UnitClientError::NotRun { unit: self.unit.clone(), why })?;
+        opened.map_err(|error| UnitClientError::NotRun {
+            unit: self.unit.clone(),
+            why: error.to_string(),
+        })?;
         Ok(true)
     }
 
@@ -372,17 +389,14 @@ impl UnitClient {
         &mut self,
         link: u8,
         plugin: &UnitPlugin,
-    ) -> Result<Result<(), String>, UnitClientError> {
+    ) -> Result<Result<(), NotRun>, UnitClientError> {
         let settings = match &plugin.settings[..] {
             [] => KEPT_SETTINGS.to_vec(),
             settings => pairs(settings),
         };
         let most = longest_fields(&self.outbox);
         if settings.len() > most {
-            return Ok(Err(format!(
-                "its settings have {} bytes; {most} are the most",
-                settings.len()
-            )));
+            return Ok(Err(NotRun::Settings { bytes: settings.len(), most }));
         }
         let wanted = plugin.digest;
         self.outbox.push(&ToUnit::Open { link, digest: wanted, settings: &settings }, false);
@@ -395,10 +409,10 @@ impl UnitClient {
                 if is_up { Heard::Found(Ok(())) } else { Heard::Headway }
             }
             Some(&ToServer::Refused { message: ToUnit::OPEN, link: of, why, .. }) if of == link => {
-                Heard::Found(Err(plain_text(why)))
+                Heard::Found(Err(NotRun::Refused(plain_text(why))))
             }
             Some(&ToServer::Fault { link: of, what }) if of == link && began.is_some() => {
-                Heard::Found(Err(format!("it has ended by a fault: {}", plain_text(what))))
+                Heard::Found(Err(NotRun::Fault(plain_text(what))))
             }
             // Its port is the unit's matter: the plug-in runs as soon as that opens.
             Some(&(ToServer::Up { link: of } | ToServer::Down { link: of, .. }))

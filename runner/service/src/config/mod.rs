@@ -27,7 +27,7 @@ pub(crate) use softplug_live::guess::of_names;
 pub use watch::FileWatch;
 
 use std::fs;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use softplug_live::units::BusSetup;
@@ -62,6 +62,7 @@ impl Config {
     /// Reads and checks a file.
     pub fn read(file: &Path) -> Result<Self, ConfigError> {
         let text = read_text(file)
+            .map_err(|error| error.to_string())
             .map_err(|reason| ConfigError::Unreadable { file: file.to_owned(), reason })?;
         Self::parse(file, &text)
     }
@@ -100,15 +101,11 @@ impl Config {
     }
 }
 
-fn read_text(file: &Path) -> Result<String, String> {
-    let opened = fs::File::open(file).map_err(|error| error.to_string())?;
+fn read_text(file: &Path) -> io::Result<String> {
     let mut text = String::new();
-    let read = opened.take(LARGEST_FILE + 1).read_to_string(&mut text);
-    match read {
-        Err(error) => Err(error.to_string()),
-        Ok(_) if text.len() as u64 > LARGEST_FILE => {
-            Err(format!("it is larger than {LARGEST_FILE} bytes"))
-        }
-        Ok(_) => Ok(text),
+    fs::File::open(file)?.take(LARGEST_FILE + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > LARGEST_FILE {
+        return Err(io::Error::other(format!("it is larger than {LARGEST_FILE} bytes")));
     }
+    Ok(text)
 }

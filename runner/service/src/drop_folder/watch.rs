@@ -6,7 +6,7 @@ use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 use std::io::{self, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 
 use softplug_host::Digest;
 use softplug_live::store::is_open_for_writing;
+use thiserror::Error;
 
 use super::names::shown;
 use super::place::{Found, Held, Place, Shelf, Whose, state_of};
@@ -155,6 +156,29 @@ impl Looked {
     }
 }
 
+/// Why a drop folder cannot be looked after.
+#[derive(Debug, Error)]
+enum Unusable {
+    #[error(transparent)]
+    Jobs(#[from] JobsError),
+    #[error("the drop folder {} is not there: make it, or mount its share", .0.display())]
+    Missing(PathBuf),
+    #[error("the drop folder {} cannot be used: {}", folder.display(), told(error))]
+    Io { folder: PathBuf, error: io::Error },
+    #[error(
+        "the drop folder {} is not the one that it was, it has no work/.owner: mount its share; if \
+         it was emptied on purpose, make an empty file work/.owner in it",
+        .0.display()
+    )]
+    Another(PathBuf),
+    #[error(
+        "the drop folder {} belongs to {theirs}, which is not this one: give each link a folder of \
+         its own; if that one is gone, see what is left in work, and remove work/.owner",
+        folder.display()
+    )]
+    Theirs { folder: PathBuf, theirs: String },
+}
+
 impl<Q: Queue> Watch<Q> {
     fn run(mut self, stopped: &Receiver<()>) {
         loop {
@@ -162,7 +186,7 @@ impl<Q: Queue> Watch<Q> {
                 let mut looked = Looked::default();
                 if let Err(error) = self.look(stopped, &mut looked) {
                     self.settling.forget();
-                    looked.failed(error);
+                    looked.failed(error.to_string());
                 }
                 self.show(looked);
             }
@@ -173,40 +197,26 @@ impl<Q: Queue> Watch<Q> {
         }
     }
 
-    fn look(&mut self, stopped: &Receiver<()>, looked: &mut Looked) -> Result<(), String> {
+    fn look(&mut self, stopped: &Receiver<()>, looked: &mut Looked) -> Result<(), Unusable> {
         let is_stopped =
             || !matches!(stopped.try_recv(), Err(std::sync::mpsc::TryRecvError::Empty));
-        let path = self.config.folder.clone();
-        let folder = path.display();
-        let is_known =
-            self.queue.is_known(&self.config.folder).map_err(|error| error.to_string())?;
-        let found =
-            Place::open(&self.config.folder, is_known).map_err(|error| match error.kind() {
-                io::ErrorKind::NotFound => {
-                    format!("the drop folder {folder} is not there: make it, or mount its share")
-                }
-                _ => format!("the drop folder {folder} cannot be used: {}", told(&error)),
-            })?;
+        let folder = self.config.folder.clone();
+        let cannot = |error| Unusable::Io { folder: folder.clone(), error };
+        let is_known = self.queue.is_known(&folder)?;
+        let found = Place::open(&folder, is_known).map_err(|error| match error.kind() {
+            io::ErrorKind::NotFound => Unusable::Missing(folder.clone()),
+            _ => cannot(error),
+        })?;
         let Found::Place(place) = found else {
-            return Err(format!(
-                "the drop folder {folder} is not the one that it was, it has no work/.owner: mount its \
-                 share; if it was emptied on purpose, make an empty file work/.owner in it"
-            ));
+            return Err(Unusable::Another(folder));
         };
-        let cannot =
-            |error: io::Error| format!("the drop folder {folder} cannot be used: {}", told(&error));
-        let owner = self.queue.owner().map_err(|error| error.to_string())?;
+        let owner = self.queue.owner()?;
         if let Whose::Theirs(theirs) = place.whose(&owner).map_err(cannot)? {
             let theirs = softplug_live::plain_text(theirs.lines().next().unwrap_or_default());
-            return Err(format!(
-                "the drop folder {folder} belongs to {theirs}, which is not this one: give each link \
-                 a folder of its own; if that one is gone, see what is left in work, and remove \
-                 work/.owner"
-            ));
+            return Err(Unusable::Theirs { folder, theirs });
         }
         if !is_known {
-            let known = self.queue.know(&self.config.folder);
-            known.map_err(|error| error.to_string())?;
+            self.queue.know(&folder)?;
         }
         self.known.extend(place.claims().map_err(cannot)?);
         // Also those whose folders somebody has removed.

@@ -11,13 +11,14 @@ use softplug_live::endpoint::ServerEndpoint;
 use softplug_live::reactor::{
     Backoff, Command, LaneEndpoint, LaneId, LaneSetup, LaneStatus, Watchdogs,
 };
-use softplug_live::units::UnitSetup;
+use softplug_live::units::{UnitAddress, UnitSetup};
+use thiserror::Error;
 
 use super::Control;
 use super::history::History;
 use super::link::{After, Before, EndsAs, Lane, Link, PortFacts};
-use super::loading::Prepared;
-use super::simulated::Simulated;
+use super::loading::{Prepared, Unloadable};
+use super::simulated::{NoMachine, Simulated};
 use crate::config::{LinkConfig, PortConfig, micros};
 use crate::jobs::{Subject, Weight};
 use crate::library::Use;
@@ -90,8 +91,8 @@ impl Control {
         } else {
             match setup(link) {
                 Ok(setup) => self.drivers.add(id, setup),
-                Err(text) => {
-                    self.cannot_open(name, &text);
+                Err(error) => {
+                    self.cannot_open(name, &error.to_string());
                     return;
                 }
             }
@@ -188,7 +189,20 @@ impl Control {
     }
 }
 
-fn setup(link: &mut Link) -> Result<LaneSetup<Session>, String> {
+/// Why a lane cannot be made.
+#[derive(Debug, Error)]
+enum NoLane {
+    #[error(transparent)]
+    Machine(#[from] NoMachine),
+    #[error("{0} is no port of this computer")]
+    Elsewhere(UnitAddress),
+    #[error(transparent)]
+    Plugin(#[from] Unloadable),
+    #[error("the plug-in {0} cannot have an endpoint: it has no job \"send\"")]
+    NoSend(String),
+}
+
+fn setup(link: &mut Link) -> Result<LaneSetup<Session>, NoLane> {
     let config = &link.config;
     let port = match &config.port {
         PortConfig::Port(spec) => spec.clone(),
@@ -198,9 +212,9 @@ fn setup(link: &mut Link) -> Result<LaneSetup<Session>, String> {
             link.machine = Some(simulated);
             port
         }
-        PortConfig::Unit(address) => return Err(format!("{address} is no port of this computer")),
+        PortConfig::Unit(address) => return Err(NoLane::Elsewhere(address.clone())),
     };
-    let instance = link.plugin.instance().map_err(|error| error.to_string())?;
+    let instance = link.plugin.instance()?;
     let mut port_options = PortOptions::new(config.line);
     port_options.flow = config.flow;
     port_options.exclusive = config.exclusive;
@@ -235,12 +249,11 @@ fn backoff(config: &LinkConfig) -> Backoff {
 }
 
 /// What its client sends becomes a job that sends.
-fn endpoint(link: &Link) -> Result<Option<LaneEndpoint>, String> {
+fn endpoint(link: &Link) -> Result<Option<LaneEndpoint>, NoLane> {
     let Some(setup) = link.config.endpoint else { return Ok(None) };
     let manifest = link.plugin.plugin.manifest();
-    let job_kind = manifest.job_kind("send").ok_or_else(|| {
-        format!("the plug-in {} cannot have an endpoint: it has no job \"send\"", manifest.name)
-    })?;
+    let job_kind = manifest.job_kind("send");
+    let job_kind = job_kind.ok_or_else(|| NoLane::NoSend(manifest.name.clone()))?;
     let endpoint = Box::new(ServerEndpoint::new(setup));
     Ok(Some(LaneEndpoint { endpoint, job_kind, fields: Vec::new(), check: false }))
 }

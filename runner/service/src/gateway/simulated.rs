@@ -1,19 +1,41 @@
 //! Simulated machines, so that a set-up can be tried without one.
 
+use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
 use softplug_abi::{LineErrorKind, LineParameters, Micros};
-use softplug_live::PortSpec;
 use softplug_live::poll::Waker;
 use softplug_live::simulator::Simulator;
+use softplug_live::{PortError, PortSpec};
 use softplug_machines::kept::Keep;
+use softplug_machines::pulse_lathe::LatheOptionsError;
 use softplug_machines::{
     Clocked, Partner, Signal, fanuc, kermit, pulse_lathe, r3964, xmodem, xon_xoff,
 };
+use thiserror::Error;
 
 use crate::view::LatheView;
+
+/// Why there is no simulated machine.
+#[derive(Debug, Error)]
+pub(crate) enum NoMachine {
+    #[error("there is no simulated machine \"{0}\"")]
+    Unknown(String),
+    #[error(transparent)]
+    Lathe(#[from] LatheOptionsError),
+    #[error(transparent)]
+    XonXoff(#[from] xon_xoff::ControlOptionsError),
+    #[error(transparent)]
+    R3964(#[from] r3964::OptionsError),
+    #[error(transparent)]
+    Fanuc(#[from] fanuc::OptionsError),
+    #[error(transparent)]
+    Port(#[from] PortError),
+    #[error(transparent)]
+    Thread(io::Error),
+}
 
 /// A simulated machine on a pty; it ends when this is dropped.
 #[derive(Debug)]
@@ -27,14 +49,13 @@ pub(crate) struct Simulated {
 
 impl Simulated {
     /// A machine that speaks `protocol` at this line's rate.
-    pub(crate) fn start(protocol: &str, line: LineParameters) -> Result<Self, String> {
+    pub(crate) fn start(protocol: &str, line: LineParameters) -> Result<Self, NoMachine> {
         let lathe = (protocol == LATHE).then(SimulatedLathe::new).transpose()?;
         let machine = match &lathe {
             Some(lathe) => Machine(Box::new(lathe.clone())),
             None => machine(protocol, line)?,
         };
-        let mut simulator: Simulator<Machine> =
-            Simulator::new(machine).map_err(|error| error.to_string())?;
+        let mut simulator: Simulator<Machine> = Simulator::new(machine)?;
         let (port, waker) = (simulator.port(), simulator.waker());
         let stop = Arc::new(AtomicBool::new(false));
         let is_stopped = Arc::clone(&stop);
@@ -49,7 +70,7 @@ impl Simulated {
                     }
                 }
             })
-            .map_err(|error| error.to_string())?;
+            .map_err(NoMachine::Thread)?;
         Ok(Self { port, stop, waker, thread: Some(thread), lathe })
     }
 
@@ -81,9 +102,8 @@ const LATHE: &str = "pulse-lathe";
 pub(crate) struct SimulatedLathe(Arc<Mutex<Clocked<pulse_lathe::Lathe>>>);
 
 impl SimulatedLathe {
-    fn new() -> Result<Self, String> {
-        let lathe = pulse_lathe::Lathe::new(pulse_lathe::LatheOptions::default())
-            .map_err(|error| error.to_string())?;
+    fn new() -> Result<Self, LatheOptionsError> {
+        let lathe = pulse_lathe::Lathe::new(pulse_lathe::LatheOptions::default())?;
         Ok(Self(Arc::new(Mutex::new(Clocked::new(lathe, pulse_lathe::PERIOD)))))
     }
 
@@ -129,26 +149,26 @@ impl Partner for SimulatedLathe {
 /// A machine of any protocol.
 struct Machine(Box<dyn Partner + Send>);
 
-fn machine(protocol: &str, line: LineParameters) -> Result<Machine, String> {
+fn machine(protocol: &str, line: LineParameters) -> Result<Machine, NoMachine> {
     let line = if line.baud == 0 { LineParameters { baud: 9_600, ..line } } else { line };
     // Whoever looks for the next program or sends the next one waits as long.
     let rest = Some(Micros::from_secs(3));
-    let r3964 = |options: r3964::Options| {
+    let r3964 = |options: r3964::Options| -> Result<Machine, NoMachine> {
         let station = r3964::Station::new(r3964::Options { line, ..options });
-        station.map(|station| Machine(Box::new(station))).map_err(|error| error.to_string())
+        Ok(Machine(Box::new(station?)))
     };
     match protocol {
         "xon-xoff" => {
             let keep = Keep::Digest;
             let options = xon_xoff::ControlOptions { line, keep, ..Default::default() };
-            let control = xon_xoff::Control::new(options).map_err(|error| error.to_string())?;
+            let control = xon_xoff::Control::new(options)?;
             Ok(Machine(Box::new(control)))
         }
         "r3964" => r3964(r3964::Options::default()),
         "r3964-simplified" => r3964(r3964::Options::simplified()),
         "fanuc-rs232" => {
             let options = fanuc::Options { line, ..fanuc::Options::default() };
-            let control = fanuc::Control::new(options).map_err(|error| error.to_string())?;
+            let control = fanuc::Control::new(options)?;
             Ok(Machine(Box::new(control)))
         }
         "kermit" => {
@@ -159,7 +179,7 @@ fn machine(protocol: &str, line: LineParameters) -> Result<Machine, String> {
             let options = xmodem::Options { line, rest, ..xmodem::Options::default() };
             Ok(Machine(Box::new(xmodem::Control::new(options))))
         }
-        other => Err(format!("there is no simulated machine \"{other}\"")),
+        other => Err(NoMachine::Unknown(other.to_owned())),
     }
 }
 

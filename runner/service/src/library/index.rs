@@ -1,13 +1,14 @@
 //! Names and versions on top of the modules: `names/NAME/VERSION`, a text file with
 //! a digest.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use softplug_host::Digest;
+use thiserror::Error;
 
 use super::reference::is_version;
 use super::{LibraryError, Reference, Which};
-use crate::disk::{self, make_folder};
+use crate::disk::{self, DiskError, make_folder};
 
 /// A digest, its algorithm, and an end of line.
 const MOST_BYTES: usize = 256;
@@ -19,6 +20,15 @@ pub(super) struct Named {
     pub(super) name: String,
     pub(super) version: String,
     pub(super) digest: Digest,
+}
+
+/// Why a version means no module.
+#[derive(Debug, Error)]
+enum NoDigest {
+    #[error(transparent)]
+    Disk(#[from] DiskError),
+    #[error("{} holds no digest", .0.display())]
+    Other(PathBuf),
 }
 
 pub(super) struct Index {
@@ -49,6 +59,7 @@ impl Index {
                 match read(&folder.join(&version)) {
                     Ok(digest) => Some(Named { name: name.to_owned(), version, digest }),
                     Err(error) => {
+                        let error = error.to_string();
                         tracing::warn!(plugin = name, version, error, "a version is left out");
                         None
                     }
@@ -91,13 +102,13 @@ impl Index {
     }
 }
 
-fn read(path: &std::path::Path) -> Result<Digest, String> {
-    let bytes = disk::read_small(path, MOST_BYTES).map_err(|error| error.to_string())?;
+fn read(path: &Path) -> Result<Digest, NoDigest> {
+    let bytes = disk::read_small(path, MOST_BYTES)?;
     let digest = str::from_utf8(&bytes).ok().and_then(|text| {
         let digits = text.trim_end().strip_prefix(ALGORITHM)?;
         digits.parse().ok()
     });
-    digest.ok_or_else(|| format!("{} holds no digest", path.display()))
+    digest.ok_or_else(|| NoDigest::Other(path.to_owned()))
 }
 
 fn is_name(name: &str) -> bool {

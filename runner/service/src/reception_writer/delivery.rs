@@ -1,14 +1,16 @@
 //! One delivery on its way to the disk. Every step can be tried again.
 
 use std::fs::File;
+use std::io;
 
 use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_live::reservoir::{Drawn, ReservoirReader};
 use softplug_live::store::Mark;
+use thiserror::Error;
 
 use super::{Incoming, ReceptionWriterNews, Stores};
-use crate::jobs::{Comparison, Reason, Reception};
-use crate::programs::{Arrival, Arrived, first_difference};
+use crate::jobs::{Comparison, JobsError, Reason, Reception};
+use crate::programs::{Arrival, Arrived, OverQuota, ProgramError, first_difference};
 
 /// Turns of one delivery before the next has its turn, in buffers.
 const TURNS: usize = 4;
@@ -49,6 +51,19 @@ enum Stage {
     /// It is on the disk, and not yet in the book.
     Kept(u32, Arrived, Option<Reason>),
     Over,
+}
+
+/// Why what comes cannot be put away.
+#[derive(Debug, Error)]
+pub(super) enum NotPutAway {
+    #[error(transparent)]
+    Quota(#[from] OverQuota),
+    #[error(transparent)]
+    Jobs(#[from] JobsError),
+    #[error(transparent)]
+    Begin(#[from] ProgramError),
+    #[error("what comes on \"{link}\" cannot be written: {error}")]
+    Write { link: String, error: io::Error },
 }
 
 /// What a delivery waits for.
@@ -98,16 +113,15 @@ impl Delivery {
         buffer: &mut [u8],
         is_last: bool,
         tell: &mut dyn FnMut(ReceptionWriterNews),
-    ) -> Result<Next, String> {
+    ) -> Result<Next, NotPutAway> {
         if let Stage::New = self.stage {
             let job = if let Some(job) = self.answers {
                 job
             } else {
                 if !is_last {
-                    let begun = stores.quotas.begin(&self.link, stores.jobs.today(&self.link));
-                    begun.map_err(|over| over.to_string())?;
+                    stores.quotas.begin(&self.link, stores.jobs.today(&self.link))?;
                 }
-                let job = stores.jobs.receive(&self.link).map_err(|error| error.to_string())?;
+                let job = stores.jobs.receive(&self.link)?;
                 let id = job.id;
                 tell(ReceptionWriterNews::Begun(Box::new(job)));
                 id
@@ -115,8 +129,7 @@ impl Delivery {
             self.stage = Stage::Numbered(job.0);
         }
         if let Stage::Numbered(job) = self.stage {
-            let arrival = stores.receptions.begin(&self.place, JobId(job));
-            let arrival = arrival.map_err(|error| error.to_string())?;
+            let arrival = stores.receptions.begin(&self.place, JobId(job))?;
             self.stage = Stage::Coming(job, Box::new(arrival));
         }
         if let Stage::Coming(..) = self.stage
@@ -130,9 +143,9 @@ impl Delivery {
     }
 
     /// Writes what there is; `None` when that was all.
-    fn take(&mut self, stores: &Stores, buffer: &mut [u8]) -> Result<Option<Next>, String> {
+    fn take(&mut self, stores: &Stores, buffer: &mut [u8]) -> Result<Option<Next>, NotPutAway> {
         let Stage::Coming(_, arrival) = &mut self.stage else { return Ok(None) };
-        let cannot = |error| format!("what comes on \"{}\" cannot be written: {error}", self.link);
+        let cannot = |error| NotPutAway::Write { link: self.link.clone(), error };
         if !self.pending.is_empty() {
             arrival.write(&self.pending).map_err(cannot)?;
             self.written += self.pending.len() as u64;
@@ -146,7 +159,7 @@ impl Delivery {
                 let today = stores.jobs.today(&self.link);
                 match stores.quotas.room(&self.link, today, self.written) {
                     Ok(room) => room,
-                    Err(over) if self.bytes.level() > 0 => return Err(over.to_string()),
+                    Err(over) if self.bytes.level() > 0 => return Err(over.into()),
                     Err(_) => 1,
                 }
             };
@@ -207,7 +220,7 @@ impl Delivery {
         &mut self,
         stores: &Stores,
         tell: &mut dyn FnMut(ReceptionWriterNews),
-    ) -> Result<(), String> {
+    ) -> Result<(), NotPutAway> {
         let Stage::Kept(job, arrived, reason) = &self.stage else { return Ok(()) };
         let reception = Reception {
             file: arrived.file(),
@@ -218,9 +231,7 @@ impl Delivery {
         let name = arrived.name.clone();
         match stores.jobs.received(JobId(*job), name, reception, reason.clone()) {
             Ok(job) => tell(ReceptionWriterNews::Kept(Box::new(job))),
-            Err(error @ (crate::jobs::JobsError::Disk(_) | crate::jobs::JobsError::Store(_))) => {
-                return Err(error.to_string());
-            }
+            Err(error @ (JobsError::Disk(_) | JobsError::Store(_))) => return Err(error.into()),
             // The job that it answers has ended in the meantime; the file stays.
             Err(error) => tracing::warn!(job, %error, "a reception belongs to no job any more"),
         }

@@ -295,9 +295,9 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                         }
                     }
                 }
-                Err(why) => {
+                Err(error) => {
                     if delivery.retry_at.is_none() {
-                        let link = delivery.link.clone();
+                        let (link, why) = (delivery.link.clone(), error.to_string());
                         (self.tell)(ReceptionWriterNews::Stuck { link, why });
                     }
                     let at = now + AGAIN;
@@ -321,7 +321,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                     Err(error) => {
                         tracing::error!(
                             link = delivery.link,
-                            error,
+                            error = error.to_string(),
                             "a reception could not be put away"
                         );
                         break;

@@ -5,12 +5,12 @@ use crate::counters::Counters;
 use crate::deliveries;
 use crate::feed::Position;
 use crate::host::Host;
-use alloc::string::{String, ToString};
 use alloc::sync::Arc;
-use softplug_abi::manifest::SettingValues;
+use softplug_abi::manifest::{ManifestError, SettingError, SettingValues};
 use softplug_abi::{Failure, LineErrorKind, LineParameters, Micros};
-use softplug_interpreter::{Module, Room, Session, SessionFault};
+use softplug_interpreter::{Invalid, Module, Room, Session, SessionFault};
 use softplug_link::{HoldState, Link, LinkFault, LinkOptions, Taken};
+use thiserror::Error;
 
 /// Bytes that a plug-in may have waiting to be sent.
 const TRANSMIT_ROOM: u32 = 2_048;
@@ -20,6 +20,27 @@ const AT_ONCE: usize = 64;
 const DEPTH: i64 = 2;
 
 type Step = Result<(), LinkFault<SessionFault>>;
+
+/// Why a plug-in is not run.
+#[derive(Debug, Error)]
+pub(crate) enum NotRun {
+    #[error("the settings are not pairs of texts")]
+    NoPairs,
+    #[error("the plug-in has no manifest")]
+    NoManifest,
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    #[error("the plug-in uses {bytes} bytes of memory; here are {most}")]
+    Memory { bytes: u32, most: u32 },
+    #[error(transparent)]
+    Module(#[from] Invalid),
+    #[error(transparent)]
+    Start(#[from] SessionFault),
+    #[error(transparent)]
+    Fault(#[from] LinkFault<SessionFault>),
+}
 
 /// A plug-in that runs.
 pub(crate) struct Lane<C: AsRef<[u8]>> {
@@ -52,10 +73,9 @@ impl<C: AsRef<[u8]>> Lane<C> {
         setup: Setup,
         now: Micros,
         host: &mut Host,
-    ) -> Result<Self, String> {
-        let module = Module::load(code).map_err(|error| error.to_string())?;
-        let session = Session::start(Arc::new(module), setup.room);
-        let session = session.map_err(|error| error.to_string())?;
+    ) -> Result<Self, NotRun> {
+        let module = Module::load(code)?;
+        let session = Session::start(Arc::new(module), setup.room)?;
         let options = LinkOptions {
             line: setup.line,
             transmit_room: TRANSMIT_ROOM,
@@ -64,7 +84,7 @@ impl<C: AsRef<[u8]>> Lane<C> {
             settings: setup.values,
         };
         let mut link = Link::new(session, options);
-        link.open(now, host).map_err(|fault| fault.to_string())?;
+        link.open(now, host)?;
         Ok(Self {
             link,
             line: setup.line,

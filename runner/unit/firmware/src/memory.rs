@@ -1,9 +1,8 @@
 //! The link's plug-in memory: two slots in the board's flash.
 
-use alloc::string::{String, ToString};
 use softplug_unit_protocol::{Digest, SlotState, ToServer};
 use softplug_unit_slots::{
-    Begun, Boot, Device, Module, Options, Refusal, Run, Signature, Slot, Slots, State, Trust,
+    Begun, Boot, Device, Error, Module, Options, Refusal, Run, Signature, Slot, Slots, State, Trust,
 };
 
 /// Times that a plug-in on trial may be started.
@@ -34,7 +33,7 @@ impl<D: Device> Memory<D> {
         device: D,
         trust: Trust<'static>,
         most_erases: u32,
-    ) -> Result<Self, softplug_unit_slots::Error<D::Error>> {
+    ) -> Result<Self, Error<D::Error>> {
         let slots = Slots::open(device, Options { trust, attempts: ATTEMPTS, most_erases })?;
         Ok(Self { slots, most_erases })
     }
@@ -49,10 +48,10 @@ impl<D: Device> Memory<D> {
         length: u32,
         digest: Digest,
         signature: &[u8],
-    ) -> Result<Download, String> {
+    ) -> Result<Download, Error<D::Error>> {
         let signature = (!signature.is_empty()).then(|| Signature::from_bytes(signature));
-        let signature = signature.transpose().map_err(|refusal| refusal.to_string())?;
-        match self.slots.begin(length, digest, signature).map_err(|error| error.to_string())? {
+        let signature = signature.transpose()?;
+        match self.slots.begin(length, digest, signature)? {
             Begun::Fresh { .. } => Ok(Download::Until(0)),
             Begun::UnderWay { received, .. } => Ok(Download::Until(received)),
             Begun::AlreadyThere { slot, .. } => Ok(Download::Whole(slot.number())),
@@ -60,21 +59,21 @@ impl<D: Device> Memory<D> {
     }
 
     /// Takes a piece.
-    pub(crate) fn piece(&mut self, at: u32, bytes: &[u8]) -> Result<Download, String> {
-        self.slots.write(at, bytes).map(Download::Until).map_err(|error| error.to_string())
+    pub(crate) fn piece(&mut self, at: u32, bytes: &[u8]) -> Result<Download, Error<D::Error>> {
+        self.slots.write(at, bytes).map(Download::Until)
     }
 
     /// Verifies what was downloaded.
-    pub(crate) fn install(&mut self) -> Result<Download, String> {
-        let slot = self.slots.finish().map_err(|error| error.to_string())?;
+    pub(crate) fn install(&mut self) -> Result<Download, Error<D::Error>> {
+        let slot = self.slots.finish()?;
         Ok(Download::Whole(slot.number()))
     }
 
     /// The module with this digest is to run now: what was downloaded goes on trial, what was
     /// confirmed before is gone back to.
-    pub(crate) fn change_to(&mut self, digest: Digest) -> Result<Bootable, String> {
-        let boot = self.slots.change_to(&digest).map_err(|error| error.to_string())?;
-        bootable(&boot).ok_or_else(|| Refusal::NotSound.to_string())
+    pub(crate) fn change_to(&mut self, digest: Digest) -> Result<Bootable, Error<D::Error>> {
+        let boot = self.slots.change_to(&digest)?;
+        Ok(bootable(&boot).ok_or(Refusal::NotSound)?)
     }
 
     /// What runs has proved itself. If that cannot be written, the trial goes on.

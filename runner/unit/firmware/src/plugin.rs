@@ -2,12 +2,11 @@
 
 use crate::board::Board;
 use crate::feed::Ending;
-use crate::lane::{Lane, Setup};
+use crate::lane::{Lane, NotRun, Setup};
 use crate::memory::Bootable;
 use crate::settings::pairs;
 use crate::unit::Unit;
 use alloc::borrow::ToOwned;
-use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use softplug_abi::manifest::Manifest;
@@ -58,7 +57,7 @@ impl<B: Board> Unit<B> {
         } else {
             match self.memory.change_to(digest) {
                 Ok(bootable) => self.run(bootable, settings),
-                Err(why) => self.refuse(ToUnit::OPEN, 0, &why),
+                Err(error) => self.refuse(ToUnit::OPEN, 0, &error.to_string()),
             }
         }
     }
@@ -66,18 +65,18 @@ impl<B: Board> Unit<B> {
     /// There is no room for two plug-ins: the state of the old one is not taken over.
     pub(crate) fn swap(&mut self, digest: Digest, settings: &[u8]) {
         let begin = self.board.now();
-        let swapped = if self.host.feed.is_under_way() {
-            Err("this unit changes its plug-in between jobs only".to_owned())
+        let (outcome, why) = if self.host.feed.is_under_way() {
+            let why = "this unit changes its plug-in between jobs only";
+            (SwapOutcome::Refused, why.to_owned())
         } else {
-            self.memory.change_to(digest)
-        };
-        let (outcome, why) = match swapped {
-            Ok(bootable) => {
-                self.run(bootable, self.settings_of(settings));
-                let runs = self.running == Some(digest) && self.lane.is_some();
-                (if runs { SwapOutcome::Done } else { SwapOutcome::Reverted }, String::new())
+            match self.memory.change_to(digest) {
+                Ok(bootable) => {
+                    self.run(bootable, self.settings_of(settings));
+                    let runs = self.running == Some(digest) && self.lane.is_some();
+                    (if runs { SwapOutcome::Done } else { SwapOutcome::Reverted }, String::new())
+                }
+                Err(error) => (SwapOutcome::Refused, error.to_string()),
             }
-            Err(why) => (SwapOutcome::Refused, why),
         };
         let pause = (self.board.now() - begin).0.max(0) as u64;
         let why = crate::host::short(&why);
@@ -112,7 +111,8 @@ impl<B: Board> Unit<B> {
                     self.tell_link();
                     self.host.outbox.say(&ToServer::Up { link: 0 });
                 }
-                Err(why) => {
+                Err(error) => {
+                    let why = error.to_string();
                     self.refuse(ToUnit::OPEN, 0, &why);
                     self.host.break_off();
                     (self.running, self.fault) = (None, Some(why));
@@ -127,7 +127,7 @@ impl<B: Board> Unit<B> {
         at: u32,
         length: u32,
         settings: &[u8],
-    ) -> Result<Lane<B::Code>, String> {
+    ) -> Result<Lane<B::Code>, NotRun> {
         let code = self.board.code(at, length);
         let setup = self.setup(code.as_ref(), settings)?;
         self.board.set_line(&setup.line);
@@ -136,13 +136,12 @@ impl<B: Board> Unit<B> {
     }
 
     /// What the manifest has to say; it is not kept.
-    fn setup(&self, module: &[u8], settings: &[u8]) -> Result<Setup, String> {
-        let settings = pairs(settings).ok_or("the settings are not pairs of texts")?;
+    fn setup(&self, module: &[u8], settings: &[u8]) -> Result<Setup, NotRun> {
+        let settings = pairs(settings).ok_or(NotRun::NoPairs)?;
         let json = softplug_interpreter::custom_section(module, MANIFEST_SECTION);
-        let manifest = Manifest::parse(json.ok_or("the plug-in has no manifest")?);
-        let manifest = manifest.map_err(|error| error.to_string())?;
+        let manifest = Manifest::parse(json.ok_or(NotRun::NoManifest)?)?;
         let given = || settings.iter().copied();
-        let values = manifest.resolve_settings(given()).map_err(|error| error.to_string())?;
+        let values = manifest.resolve_settings(given())?;
         let named = manifest.line_for(given(), &values).map(|named| named.parameters);
         let baud = self.options.baud;
         let line = LineParameters { baud, ..named.unwrap_or(LineParameters::new(baud)) };
@@ -150,7 +149,7 @@ impl<B: Board> Unit<B> {
         if let Some(bytes) = manifest.memory_bytes {
             if bytes > room.memory_bytes {
                 let most = room.memory_bytes;
-                return Err(format!("the plug-in uses {bytes} bytes of memory; here are {most}"));
+                return Err(NotRun::Memory { bytes, most });
             }
             room.memory_bytes = bytes;
         }

@@ -4,16 +4,23 @@ use crate::board::Board;
 use crate::host::short;
 use crate::memory::Download;
 use crate::unit::Unit;
-use alloc::string::String;
+use alloc::string::ToString;
 use softplug_unit_protocol::ToServer;
+use softplug_unit_slots::{Device, Error};
 
 impl<B: Board> Unit<B> {
-    pub(crate) fn tell_download(&mut self, download: Result<Download, String>) {
+    pub(crate) fn tell_download(
+        &mut self,
+        download: Result<Download, Error<<B::Flash as Device>::Error>>,
+    ) {
         let (link, outbox) = (0, &mut self.host.outbox);
         match download {
             Ok(Download::Until(until)) => outbox.say(&ToServer::Downloaded { link, until }),
             Ok(Download::Whole(slot)) => outbox.say(&ToServer::Installed { link, slot }),
-            Err(why) => outbox.say(&ToServer::NotInstalled { link, why: short(&why) }),
+            Err(error) => {
+                let why = error.to_string();
+                outbox.say(&ToServer::NotInstalled { link, why: short(&why) });
+            }
         }
     }
 

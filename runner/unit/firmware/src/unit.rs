@@ -16,7 +16,8 @@ use softplug_abi::{Failure, JobId, Micros};
 use softplug_interpreter::{Room, SessionFault};
 use softplug_link::{Job, LinkFault};
 use softplug_unit_protocol::{
-    Digest, HEADER, Identity, Messages, Role, Session, SessionEvent, TRAILER, ToServer, ToUnit,
+    CreditError, Digest, HEADER, Identity, Messages, Role, Session, SessionEvent, TRAILER,
+    ToServer, ToUnit,
 };
 use softplug_unit_slots::Trust;
 
@@ -256,19 +257,11 @@ impl<B: Board> Unit<B> {
             }
             ToUnit::Data { job, pass, at, bytes, .. } => {
                 let fed = self.host.feed.data(job, pass, at, bytes);
-                self.fed(
-                    message.kind(),
-                    job,
-                    fed.map(|fed| fed.map_err(|error| error.to_string())),
-                );
+                self.fed(message.kind(), job, fed);
             }
             ToUnit::End { job, pass, size, .. } => {
                 let fed = self.host.feed.end(job, pass, size);
-                self.fed(
-                    message.kind(),
-                    job,
-                    fed.map(|fed| fed.map_err(|error| error.to_string())),
-                );
+                self.fed(message.kind(), job, fed);
             }
             ToUnit::Fail { job, .. } => {
                 if self.host.feed.fail(job) {
@@ -390,12 +383,12 @@ impl<B: Board> Unit<B> {
     }
 
     /// Data that does not fit together is refused once, and its job aborted.
-    fn fed(&mut self, message: u8, job: u64, fed: Option<Result<(), String>>) {
-        let Some(Err(why)) = fed else { return };
+    fn fed(&mut self, message: u8, job: u64, fed: Option<Result<(), CreditError>>) {
+        let Some(Err(error)) = fed else { return };
         if let Some(active) = self.host.feed.under_way(job) {
             active.is_broken = true;
         }
-        self.refuse(message, job, &why);
+        self.refuse(message, job, &error.to_string());
         self.abort(job);
     }
 

@@ -9,6 +9,7 @@ use softplug_unit_slots::{
     Begun, Boot, Content, Device, FileDevice, Geometry, Module, MtdDevice, Options, PassedOver,
     Refusal, Run, Signature, Slot, Slots, State, Trust,
 };
+use thiserror::Error;
 
 use crate::config::{MemoryConfig, SignatureConfig};
 use crate::holder;
@@ -58,6 +59,23 @@ impl Device for AnyDevice {
     }
 }
 
+/// Why a memory does not do what it is asked for.
+pub(crate) type MemoryError = softplug_unit_slots::Error<io::Error>;
+
+/// Why there is no memory.
+#[derive(Debug, Error)]
+pub(crate) enum NoMemory {
+    /// Somebody has it open already, as this sentence says.
+    #[error("{0}")]
+    Held(String),
+    /// Its file or device cannot be used.
+    #[error(transparent)]
+    Device(io::Error),
+    /// It cannot be used as two slots.
+    #[error(transparent)]
+    Slots(#[from] MemoryError),
+}
+
 /// A plug-in that is to run.
 #[derive(Debug)]
 pub(crate) struct Bootable {
@@ -83,22 +101,22 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    pub(crate) fn open(config: &MemoryConfig, trusted: &SignatureConfig) -> Result<Self, String> {
+    pub(crate) fn open(config: &MemoryConfig, trusted: &SignatureConfig) -> Result<Self, NoMemory> {
         let device = device(config).map_err(|error| match error.kind() {
-            io::ErrorKind::ResourceBusy => holder::of(&config.path),
-            _ => error.to_string(),
+            io::ErrorKind::ResourceBusy => NoMemory::Held(holder::of(&config.path)),
+            _ => NoMemory::Device(error),
         })?;
         // There are as many memories as links, and they last as long as the process.
         let keys: &'static [[u8; 32]] = Box::leak(trusted.keys.clone().into_boxed_slice());
         let trust = if trusted.unsigned { Trust::unsigned_too(keys) } else { Trust::signed(keys) };
         let most_erases = config.most_erases;
         let options = Options { trust, attempts: ATTEMPTS, most_erases };
-        let slots = Slots::open(device, options).map_err(|error| error.to_string())?;
+        let slots = Slots::open(device, options)?;
         Ok(Self { slots, most_erases, passed_over: [None; 2] })
     }
 
     /// What is to run. An attempt of a trial is counted.
-    pub(crate) fn boot(&mut self) -> Result<Option<Bootable>, String> {
+    pub(crate) fn boot(&mut self) -> Result<Option<Bootable>, MemoryError> {
         let boot = self.slots.boot();
         self.passed_over = boot.passed_over;
         self.bootable(&boot)
@@ -114,7 +132,7 @@ impl Memory {
         (!reasons.is_empty()).then(|| reasons.join("; "))
     }
 
-    fn bootable(&mut self, boot: &Boot) -> Result<Option<Bootable>, String> {
+    fn bootable(&mut self, boot: &Boot) -> Result<Option<Bootable>, MemoryError> {
         for (slot, reason) in ["A", "B"].into_iter().zip(boot.passed_over) {
             match reason {
                 Some(
@@ -133,9 +151,9 @@ impl Memory {
         Ok(Some(Bootable { digest: module.digest, bytes, is_on_trial }))
     }
 
-    fn read(&mut self, module: &Module) -> Result<Vec<u8>, String> {
+    fn read(&mut self, module: &Module) -> Result<Vec<u8>, MemoryError> {
         let mut bytes = vec![0; module.length as usize];
-        self.slots.read(module.slot, 0, &mut bytes).map_err(|error| error.to_string())?;
+        self.slots.read(module.slot, 0, &mut bytes)?;
         Ok(bytes)
     }
 
@@ -144,10 +162,10 @@ impl Memory {
         length: u32,
         digest: Digest,
         signature: &[u8],
-    ) -> Result<Download, String> {
+    ) -> Result<Download, MemoryError> {
         let signature = (!signature.is_empty()).then(|| Signature::from_bytes(signature));
-        let signature = signature.transpose().map_err(|refusal| refusal.to_string())?;
-        match self.slots.begin(length, digest, signature).map_err(|error| error.to_string())? {
+        let signature = signature.transpose()?;
+        match self.slots.begin(length, digest, signature)? {
             Begun::Fresh { .. } => Ok(Download::Until(0)),
             Begun::UnderWay { received, .. } => Ok(Download::Until(received)),
             Begun::AlreadyThere { slot, .. } => Ok(Download::Whole(slot.number())),
@@ -155,20 +173,20 @@ impl Memory {
     }
 
     /// Takes a piece; gives how many bytes are there.
-    pub(crate) fn piece(&mut self, at: u32, bytes: &[u8]) -> Result<u32, String> {
-        self.slots.write(at, bytes).map_err(|error| error.to_string())
+    pub(crate) fn piece(&mut self, at: u32, bytes: &[u8]) -> Result<u32, MemoryError> {
+        self.slots.write(at, bytes)
     }
 
     /// Verifies what was downloaded. Gives its slot.
-    pub(crate) fn install(&mut self) -> Result<u8, String> {
-        self.slots.finish().map(Slot::number).map_err(|error| error.to_string())
+    pub(crate) fn install(&mut self) -> Result<u8, MemoryError> {
+        self.slots.finish().map(Slot::number)
     }
 
     /// The module with this digest is to run now: what was downloaded goes on trial, what was
     /// confirmed before is gone back to.
-    pub(crate) fn change_to(&mut self, digest: Digest) -> Result<Bootable, String> {
-        let boot = self.slots.change_to(&digest).map_err(|error| error.to_string())?;
-        self.bootable(&boot)?.ok_or_else(|| Refusal::NotSound.to_string())
+    pub(crate) fn change_to(&mut self, digest: Digest) -> Result<Bootable, MemoryError> {
+        let boot = self.slots.change_to(&digest)?;
+        Ok(self.bootable(&boot)?.ok_or(Refusal::NotSound)?)
     }
 
     /// What runs has proved itself.

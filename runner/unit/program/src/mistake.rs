@@ -1,5 +1,6 @@
 //! What is wrong in `unit.toml`, where, and what to do.
 
+use std::error::Error;
 use std::ops::Range;
 
 use softplug_live::place::line_and_column;
@@ -27,18 +28,12 @@ impl Mistake {
     }
 
     /// A sentence about this place.
-    pub(crate) fn at(span: Range<usize>) -> impl FnOnce(String) -> Self {
-        move |sentence| Self { span, sentence }
+    pub(crate) fn at<E: Error>(span: Range<usize>) -> impl FnOnce(E) -> Self {
+        move |error| Self { span, sentence: error.to_string() }
     }
 
     /// Line, and column in characters, both from 1.
     pub(crate) fn place(&self, text: &str) -> (usize, usize) {
         line_and_column(text, self.span.start)
-    }
-}
-
-impl From<String> for Mistake {
-    fn from(sentence: String) -> Self {
-        Self { span: 0..0, sentence }
     }
 }

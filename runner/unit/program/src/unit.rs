@@ -88,9 +88,9 @@ impl Unit {
         let stop = Stop { is_asked, waker: Arc::clone(&mio_waker) };
         let waker = waker_of(mio_waker);
         let links = config.links.iter().zip(0..).map(|(link, number)| {
-            let memory = Memory::open(&link.memory, &config.signature).map_err(|reason| {
+            let memory = Memory::open(&link.memory, &config.signature).map_err(|error| {
                 let (path, link) = (link.memory.path.clone(), link.name.clone());
-                UnitError::Memory { link, path, reason }
+                UnitError::Memory { link, path, reason: error.to_string() }
             })?;
             Ok(Link::new(number, link.clone(), memory))
         });

@@ -158,7 +158,8 @@ impl Ledger {
     /// The first fault, with its place and what to do.
     pub fn parse(file: &Path, text: &str) -> Result<Self, LedgerError> {
         let raw: Raw = read_toml(file, text)?;
-        raw.check().map_err(|(place, message)| LedgerError::at(file, text, &place, &message))
+        raw.check()
+            .map_err(|(place, wrong)| LedgerError::at(file, text, &place, &wrong.to_string()))
     }
 
     /// The clause with this id.
@@ -203,27 +204,44 @@ struct Raw {
     clause: Vec<Spanned<Clause>>,
 }
 
-type Fault = (std::ops::Range<usize>, String);
+type Fault = (std::ops::Range<usize>, Wrong);
+
+/// What a ledger must not say.
+#[derive(Debug, thiserror::Error)]
+enum Wrong {
+    #[error("\"{0}\" is no name of a profile: lower-case letters, digits and single inner hyphens")]
+    Profile(String),
+    #[error("revisions count from 1")]
+    Revision,
+    #[error("the {what} \"{name}\" stands here twice; keep one")]
+    Twice { what: &'static str, name: String },
+    #[error("the clause \"{id}\" must be a slug that begins with \"{profile}.\"")]
+    Clause { id: String, profile: String },
+    #[error(
+        "{id}: since must be 1 to {revision}, the ledger's revision; a new clause needs a new revision"
+    )]
+    Since { id: String, revision: u32 },
+    #[error("{0}: the sentence is empty; say what the clause demands")]
+    NoSentence(String),
+    #[error("{id}: {what} needs a reason")]
+    NoReason { id: String, what: &'static str },
+}
 
 impl Raw {
     fn check(self) -> Result<Ledger, Fault> {
         let profile = self.profile.get_ref();
         if !is_slug(profile) || profile.contains('.') {
-            let message = format!(
-                "\"{profile}\" is no name of a profile: lower-case letters, digits and single \
-                 inner hyphens"
-            );
-            return Err((self.profile.span(), message));
+            return Err((self.profile.span(), Wrong::Profile(profile.clone())));
         }
         if *self.revision.get_ref() == 0 {
-            return Err((self.revision.span(), "revisions count from 1".to_owned()));
+            return Err((self.revision.span(), Wrong::Revision));
         }
         once("feature", &self.feature, |feature| &feature.name)?;
         once("setting", &self.setting, |setting| &setting.name)?;
         once("clause", &self.clause, |clause| &clause.id)?;
         for clause in &self.clause {
             let place = clause.span();
-            self.check_clause(clause.get_ref()).map_err(|message| (place, message))?;
+            self.check_clause(clause.get_ref()).map_err(|wrong| (place, wrong))?;
         }
         Ok(Ledger {
             profile: self.profile.into_inner(),
@@ -235,39 +253,38 @@ impl Raw {
         })
     }
 
-    fn check_clause(&self, clause: &Clause) -> Result<(), String> {
-        let (id, profile) = (&clause.id, self.profile.get_ref());
-        if !is_slug(id) || !id.starts_with(&format!("{profile}.")) {
-            return Err(format!(
-                "the clause \"{id}\" must be a slug that begins with \"{profile}.\""
-            ));
+    fn check_clause(&self, clause: &Clause) -> Result<(), Wrong> {
+        let (id, profile) = (clause.id.clone(), self.profile.get_ref());
+        if !is_slug(&id) || !id.starts_with(&format!("{profile}.")) {
+            return Err(Wrong::Clause { id, profile: profile.clone() });
         }
         let revision = *self.revision.get_ref();
         if clause.since == 0 || clause.since > revision {
-            return Err(format!(
-                "{id}: since must be 1 to {revision}, the ledger's revision; a new clause needs \
-                 a new revision"
-            ));
+            return Err(Wrong::Since { id, revision });
         }
         if clause.sentence.trim().is_empty() {
-            return Err(format!("{id}: the sentence is empty; say what the clause demands"));
+            return Err(Wrong::NoSentence(id));
         }
         if clause.excluded.as_ref().is_some_and(|reason| reason.trim().is_empty()) {
-            return Err(format!("{id}: excluded needs a reason"));
+            return Err(Wrong::NoReason { id, what: "excluded" });
         }
         if clause.unmodelled.as_ref().is_some_and(|reason| reason.trim().is_empty()) {
-            return Err(format!("{id}: unmodelled needs a reason"));
+            return Err(Wrong::NoReason { id, what: "unmodelled" });
         }
         Ok(())
     }
 }
 
-fn once<T>(what: &str, rows: &[Spanned<T>], name: impl Fn(&T) -> &String) -> Result<(), Fault> {
+fn once<T>(
+    what: &'static str,
+    rows: &[Spanned<T>],
+    name: impl Fn(&T) -> &String,
+) -> Result<(), Fault> {
     let mut seen = BTreeSet::new();
     for row in rows {
         let name = name(row.get_ref());
         if !seen.insert(name) {
-            return Err((row.span(), format!("the {what} \"{name}\" stands here twice; keep one")));
+            return Err((row.span(), Wrong::Twice { what, name: name.clone() }));
         }
     }
     Ok(())

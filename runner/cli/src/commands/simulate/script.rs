@@ -7,7 +7,8 @@ use softplug_abi::Micros;
 use softplug_conformance::{bad_kind, line_parameters, load};
 use softplug_machines::Signal;
 use softplug_machines::script::Line;
-use softplug_trace::{Entry, LineSettings, NoFiles, Payload, Piece, What};
+use softplug_trace::{Entry, LineSettings, NoFiles, Payload, PayloadError, Piece, What};
+use thiserror::Error;
 
 use super::{Common, RunOptions};
 use crate::failure::Failure;
@@ -72,6 +73,15 @@ impl Script {
     }
 }
 
+/// What of a trace a partner of bytes cannot do.
+#[derive(Debug, Error)]
+enum NotSimulated {
+    #[error(transparent)]
+    Payload(#[from] PayloadError),
+    #[error("a partner of bytes alone has no breaks, modem lines and ports that go")]
+    NoBytes,
+}
+
 /// A trace, as far as it was read.
 struct Reading {
     expected: Vec<(u8, u32)>,
@@ -87,27 +97,25 @@ impl Reading {
         Self { expected: Vec::new(), lines: Vec::new(), latest: Micros::ZERO, character }
     }
 
-    fn read(&mut self, entry: &Entry) -> Result<(), String> {
+    fn read(&mut self, entry: &Entry) -> Result<(), NotSimulated> {
         let at = Micros(i64::try_from(entry.when.from.0).unwrap_or(i64::MAX));
         match &entry.what {
             What::Receive(payload) => self.says(at, Micros::ZERO, payload),
             What::Burst(payload) => self.says(at, self.character, payload),
             What::Send(payload) => {
-                let bytes = payload.bytes(&NoFiles).map_err(|error| error.to_string())?;
+                let bytes = payload.bytes(&NoFiles)?;
                 let count = i64::try_from(bytes.len()).unwrap_or(i64::MAX);
                 self.latest = at + Micros(self.character.0.saturating_mul(count));
                 self.expected.extend(bytes.into_iter().map(|byte| (byte, entry.line.0)));
                 Ok(())
             }
-            What::Line(_) | What::SetLines(_) | What::SendBreak(_) => {
-                Err("a partner of bytes alone has no breaks, modem lines and ports that go".into())
-            }
+            What::Line(_) | What::SetLines(_) | What::SendBreak(_) => Err(NotSimulated::NoBytes),
             What::Host(_) | What::Act(_) | What::Exact(_) | What::Quiet => Ok(()),
         }
     }
 
-    fn says(&mut self, at: Micros, apart: Micros, payload: &Payload) -> Result<(), String> {
-        let pieces = payload.pieces(&NoFiles).map_err(|error| error.to_string())?;
+    fn says(&mut self, at: Micros, apart: Micros, payload: &Payload) -> Result<(), NotSimulated> {
+        let pieces = payload.pieces(&NoFiles)?;
         let mut signals = Vec::new();
         for piece in pieces {
             match piece {

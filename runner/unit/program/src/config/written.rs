@@ -1,5 +1,7 @@
 //! `unit.toml` as it is written, and what of it cannot be.
 
+mod wrong;
+
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs;
@@ -12,11 +14,12 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use softplug_abi::LineParameters;
 use softplug_live::port::parse_line;
-use softplug_live::{PortSpec, plain_text, quantity};
+use softplug_live::{BadSpec, PortSpec, plain_text, quantity};
 use softplug_unit_uplink::{TlsKeys, TlsPrivateKey, TlsPublicKey};
 use toml::{Spanned, Value};
 
-use super::{LinkConfig, MemoryConfig, Reach, SignatureConfig, UnitConfig, read_text, shown};
+use self::wrong::Wrong;
+use super::{LinkConfig, MemoryConfig, Reach, SignatureConfig, UnitConfig, read_text};
 use crate::mistake::Mistake;
 use crate::paths;
 
@@ -54,8 +57,7 @@ impl UnitConfig {
                 Some(tls.into_inner().checked(folder).map_err(Mistake::at(span))?)
             }
             (Some(tls), Reach::Can(_)) => {
-                let sentence = "there are [tls] and `can`: TLS goes over TCP only, take one out";
-                return Err(Mistake::at(tls.span())(sentence.to_owned()));
+                return Err(Mistake::at(tls.span())(Wrong::TlsOverCan));
             }
             (None, _) => None,
         };
@@ -67,17 +69,13 @@ impl UnitConfig {
         let keys = keys.collect::<Result<Vec<_>, _>>()?;
         let unsigned = written.signature.unsigned;
         if keys.is_empty() && !unsigned {
-            return Err("no plug-in could ever be taken: name a public key in `keys` of [signature], or set \
-                        `unsigned = true` there for a bus that nobody else reaches"
-                .to_owned()
-                .into());
+            return Err(Wrong::NothingTaken.into());
         }
         if written.link.is_empty() {
-            return Err("there is no [[link]]: name at least one port".to_owned().into());
+            return Err(Wrong::NoLink.into());
         }
         if written.link.len() > MOST_LINKS {
-            let count = written.link.len();
-            return Err(format!("{count} links; {MOST_LINKS} are the most").into());
+            return Err(Wrong::TooManyLinks(written.link.len()).into());
         }
         let state = folder.join(written.state);
         let mut links: Vec<LinkConfig> = Vec::new();
@@ -165,10 +163,10 @@ fn default_buffer() -> Bytes {
 struct Port(PortSpec);
 
 impl TryFrom<String> for Port {
-    type Error = String;
+    type Error = BadSpec;
 
-    fn try_from(text: String) -> Result<Self, String> {
-        text.parse().map(Self).map_err(|error: softplug_live::BadSpec| error.to_string())
+    fn try_from(text: String) -> Result<Self, BadSpec> {
+        text.parse().map(Self)
     }
 }
 
@@ -177,13 +175,11 @@ impl TryFrom<String> for Port {
 struct Line(String);
 
 impl TryFrom<String> for Line {
-    type Error = String;
+    type Error = BadSpec;
 
-    fn try_from(text: String) -> Result<Self, String> {
-        match parse_line(&text, LineParameters::new(0)) {
-            Ok(_) => Ok(Self(text)),
-            Err(error) => Err(error.to_string()),
-        }
+    fn try_from(text: String) -> Result<Self, BadSpec> {
+        parse_line(&text, LineParameters::new(0))?;
+        Ok(Self(text))
     }
 }
 
@@ -205,47 +201,36 @@ impl TryFrom<Value> for Bytes {
 }
 
 impl WrittenTls {
-    fn checked(self, folder: &Path) -> Result<TlsKeys, String> {
-        let key = TlsPrivateKey::read(&folder.join(self.key)).map_err(|error| error.to_string())?;
+    fn checked(self, folder: &Path) -> Result<TlsKeys, Wrong> {
+        let key = TlsPrivateKey::read(&folder.join(self.key))?;
         if self.gateways.is_empty() {
-            return Err(
-                "no gateway could ever reach the unit: name its public key in `gateways` of [tls]"
-                    .to_owned(),
-            );
+            return Err(Wrong::NoGateway);
         }
         let gateways = self.gateways.iter().map(|text| {
-            let wrong =
-                |error| format!("`gateways` of [tls], \"{}\": {error}", text.escape_debug());
+            let wrong = |error| Wrong::Gateway { text: text.clone(), error };
             text.parse::<TlsPublicKey>().map_err(wrong)
         });
         let gateways = gateways.collect::<Result<Vec<_>, _>>()?;
         if gateways.contains(&key.public()) {
-            return Err(format!(
-                "{} in `gateways` of [tls] is the unit's own key: name those of its gateways",
-                key.public()
-            ));
+            return Err(Wrong::OwnKey(key.public()));
         }
         Ok(TlsKeys::of_unit(&key, &gateways))
     }
 }
 
 impl WrittenLink {
-    fn checked(self, folder: &Path, state: &Path) -> Result<LinkConfig, String> {
+    fn checked(self, folder: &Path, state: &Path) -> Result<LinkConfig, Wrong> {
         let Self { name, .. } = self;
         named("a link", &name)?;
         let Bytes(buffer) = self.buffer;
         if !BUFFERS.contains(&buffer) {
-            return Err(format!(
-                "the buffer of link \"{name}\" has {buffer} bytes; give {} to {}",
-                BUFFERS.start(),
-                BUFFERS.end()
-            ));
+            return Err(Wrong::Buffer { link: name, bytes: buffer });
         }
         if self.depth.is_some_and(|depth| !DEPTHS.contains(&depth)) {
-            return Err(format!("`depth` of link \"{name}\" must be 1 to {}", DEPTHS.end()));
+            return Err(Wrong::Depth { link: name });
         }
         if self.port.0.needs_rate() && self.line.is_none() {
-            return Err(format!("link \"{name}\" needs a `line` such as \"9600 8N1\""));
+            return Err(Wrong::NoLine { link: name });
         }
         let path = match self.memory {
             Some(path) => folder.join(path),
@@ -253,16 +238,10 @@ impl WrittenLink {
         };
         let size = self.memory_size.0;
         if !MEMORIES.contains(&size) || !size.is_multiple_of(BLOCK) {
-            return Err(format!(
-                "`memory_size` of link \"{name}\" is {size}; give {} to {} bytes, a multiple of {BLOCK}",
-                MEMORIES.start(),
-                MEMORIES.end()
-            ));
+            return Err(Wrong::MemorySize { link: name, bytes: size });
         }
         if self.most_erases == 0 {
-            return Err(format!(
-                "`most_erases` of link \"{name}\" is 0: nothing could be downloaded"
-            ));
+            return Err(Wrong::NoErases { link: name });
         }
         let size = size as u32;
         let memory = MemoryConfig { path, size, most_erases: self.most_erases };
@@ -279,23 +258,20 @@ impl WrittenLink {
     }
 }
 
-fn reach(listen: Option<SocketAddr>, can: Option<&str>) -> Result<Reach, String> {
+fn reach(listen: Option<SocketAddr>, can: Option<&str>) -> Result<Reach, Wrong> {
     match (listen, can) {
         (Some(address), None) => Ok(Reach::Tcp(address)),
-        (None, Some(text)) => text.parse().map(Reach::Can).map_err(|error| {
-            let text = text.escape_debug();
-            format!("`can = \"{text}\"`: {error}, as in \"can0/17\"")
-        }),
-        (None, None) => Err("nobody could reach the unit: give `listen`, an address and a port, or `can`, such as \"can0/17\""
-            .to_owned()),
-        (Some(_), Some(_)) => {
-            Err("there are `listen` and `can`: a unit has one uplink, take one out".to_owned())
+        (None, Some(text)) => {
+            let wrong = |error| Wrong::Can { text: text.to_owned(), error };
+            text.parse().map(Reach::Can).map_err(wrong)
         }
+        (None, None) => Err(Wrong::NoUplink),
+        (Some(_), Some(_)) => Err(Wrong::TwoUplinks),
     }
 }
 
 /// Names become names of files and are shown.
-fn named(what: &str, name: &str) -> Result<(), String> {
+fn named(what: &'static str, name: &str) -> Result<(), Wrong> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     let is_good = !name.is_empty()
         && name.len() <= LONGEST_NAME
@@ -304,18 +280,13 @@ fn named(what: &str, name: &str) -> Result<(), String> {
     if is_good {
         return Ok(());
     }
-    let name = name.escape_debug();
-    Err(format!(
-        "\"{name}\" is no name for {what}: write up to {LONGEST_NAME} letters, digits, \"-\", \"_\" and \".\""
-    ))
+    Err(Wrong::Name { what, name: name.to_owned() })
 }
 
 /// Whether two links have nothing in common that each must have to itself.
-fn apart(one: &LinkConfig, other: &LinkConfig) -> Result<(), String> {
-    let twice = |what: &str, of: &dyn fmt::Display| {
-        let of = plain_text(&of.to_string());
-        Err(format!("two links have the {what} \"{of}\": give each its own"))
-    };
+fn apart(one: &LinkConfig, other: &LinkConfig) -> Result<(), Wrong> {
+    let twice =
+        |what, of: &dyn fmt::Display| Err(Wrong::Twice { what, of: plain_text(&of.to_string()) });
     if one.name.eq_ignore_ascii_case(&other.name) {
         return twice("name", &one.name);
     }
@@ -337,12 +308,11 @@ fn apart(one: &LinkConfig, other: &LinkConfig) -> Result<(), String> {
     Ok(())
 }
 
-fn key(file: &Path) -> Result<[u8; 32], String> {
-    let shown = shown(file);
-    let text = read_text(file, LARGEST_KEY).map_err(|error| format!("the key {shown}: {error}"))?;
-    let key = VerifyingKey::from_public_key_pem(&text).map_err(|error| {
-        format!("{shown} is no Ed25519 public key, as `openssl pkey -pubout` writes it: {error}")
-    })?;
+fn key(file: &Path) -> Result<[u8; 32], Wrong> {
+    let text = read_text(file, LARGEST_KEY)
+        .map_err(|error| Wrong::Unreadable { file: file.to_owned(), error })?;
+    let key = VerifyingKey::from_public_key_pem(&text)
+        .map_err(|error| Wrong::NoKey { file: file.to_owned(), error })?;
     Ok(key.to_bytes())
 }
 

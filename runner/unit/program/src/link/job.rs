@@ -4,12 +4,24 @@ use softplug_abi::{Failure, JobId, Micros};
 use softplug_link::Job;
 use softplug_live::reactor::{Command, Feed, JobEnd, JobOutcome, LaneFigures, LaneId};
 use softplug_live::reservoir::{ReservoirWriter, reservoir};
-use softplug_unit_protocol::{CREDIT_PARTS, Fed, Outcome, ToServer, ToUnit};
+use softplug_unit_protocol::{CREDIT_PARTS, CreditError, Fed, Outcome, ToServer, ToUnit};
+use thiserror::Error;
 
 use super::{Surroundings, short};
 
 /// How often the server is told how far a job is.
 const PROGRESS: Micros = Micros::from_millis(250);
+
+/// Data that a job does not take.
+#[derive(Debug, Error)]
+enum BadData {
+    #[error(transparent)]
+    Position(#[from] CreditError),
+    #[error("its data has ended")]
+    Ended,
+    #[error("no room")]
+    NoRoom,
+}
 
 pub(super) struct Jobs {
     link: u8,
@@ -78,16 +90,16 @@ impl Jobs {
             ToUnit::Data { job, pass, at, bytes, .. } => {
                 let lane = ready.map(|(lane, _)| lane);
                 self.fed(message.kind(), job, pass, lane, around, |active| {
-                    active.fed.data(at, bytes.len() as u64).map_err(|error| error.to_string())?;
-                    let writer = active.writer.as_mut().ok_or("its data has ended")?;
+                    active.fed.data(at, bytes.len() as u64)?;
+                    let writer = active.writer.as_mut().ok_or(BadData::Ended)?;
                     // There is room for what credit was given for.
-                    if writer.write(bytes) == bytes.len() { Ok(()) } else { Err("no room".into()) }
+                    if writer.write(bytes) == bytes.len() { Ok(()) } else { Err(BadData::NoRoom) }
                 });
             }
             ToUnit::End { job, pass, size, .. } => {
                 let lane = ready.map(|(lane, _)| lane);
                 self.fed(message.kind(), job, pass, lane, around, |active| {
-                    active.fed.end(size).map_err(|error| error.to_string())?;
+                    active.fed.end(size)?;
                     if let Some(writer) = &mut active.writer {
                         writer.finish();
                     }
@@ -180,16 +192,17 @@ impl Jobs {
         pass: u8,
         lane: Option<LaneId>,
         around: &mut Surroundings<'_>,
-        take: impl FnOnce(&mut Active) -> Result<(), String>,
+        take: impl FnOnce(&mut Active) -> Result<(), BadData>,
     ) {
         let link = self.link;
         let Some(active) = self.under_way(job) else { return };
         if active.pass != pass || active.is_broken {
             return;
         }
-        if let Err(why) = take(active) {
+        if let Err(error) = take(active) {
             active.is_broken = true;
             let of_lane = active.of_lane;
+            let why = error.to_string();
             around.say(&ToServer::Refused { message, link, job, why: short(&why) });
             if let Some(lane) = lane {
                 around.reactor.tell(lane, Command::Abort(of_lane));

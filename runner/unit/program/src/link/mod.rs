@@ -156,8 +156,9 @@ impl Link {
                 self.trouble = self.memory.passed_over();
             }
             Err(error) => {
-                tracing::error!(link = self.config.name, error, "its plug-in cannot run");
-                self.trouble = Some(error);
+                let why = error.to_string();
+                tracing::error!(link = self.config.name, error = why, "its plug-in cannot run");
+                self.trouble = Some(why);
             }
         }
     }

@@ -2,9 +2,9 @@
 
 use std::thread;
 
-use softplug_abi::manifest::SettingValues;
+use softplug_abi::manifest::{SettingError, SettingValues};
 use softplug_abi::{LineParameters, Micros, NoteLevel};
-use softplug_host::Plugin;
+use softplug_host::{LoadError, Plugin};
 use softplug_link::{Spare, Successor};
 use softplug_live::PortOptions;
 use softplug_live::channel::StationOptions;
@@ -13,8 +13,9 @@ use softplug_live::reactor::{
     Backoff, Command, LaneId, LaneSetup, Probation, Swap, SwapReport, Watchdogs, When,
 };
 use softplug_unit_protocol::{Digest, SwapOutcome, ToServer, ToUnit};
+use thiserror::Error;
 
-use super::settings::Given;
+use super::settings::{Given, NotKept};
 use super::{Link, Surroundings, short};
 use crate::memory::Bootable;
 
@@ -28,10 +29,21 @@ const DELIVERY_ROOM: u32 = 16 << 10;
 /// A plug-in that was compiled for a link, and what for.
 pub(crate) struct Compiled {
     pub(crate) link: u8,
-    plugin: Result<Plugin, String>,
+    plugin: Result<Plugin, LoadError>,
     digest: Digest,
     given: Given,
     purpose: Purpose,
+}
+
+/// Why a plug-in is not taken.
+#[derive(Debug, Error)]
+enum NotTaken {
+    #[error(transparent)]
+    Load(LoadError),
+    #[error("it does not take its settings: {0}")]
+    Settings(SettingError),
+    #[error(transparent)]
+    NotKept(#[from] NotKept),
 }
 
 #[derive(Clone, Debug)]
@@ -67,7 +79,7 @@ impl Link {
             (around.host.clone(), around.compiled.clone(), around.waker.clone());
         let link = self.number;
         let load = move || {
-            let plugin = host.load_bytes(&bytes).map_err(|error| error.to_string());
+            let plugin = host.load_bytes(&bytes);
             if compiled.send(Compiled { link, plugin, digest, given, purpose }).is_ok() {
                 waker.wake();
             }
@@ -88,16 +100,14 @@ impl Link {
         self.awaited = None;
         let Compiled { plugin, digest, given, purpose, .. } = compiled;
         let given = self.wanted.take().unwrap_or(given);
-        let running = plugin.and_then(|plugin| {
+        let running = plugin.map_err(NotTaken::Load).and_then(|plugin| {
             let named = given.settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
-            let values = plugin.manifest().resolve_settings(named);
-            let values =
-                values.map_err(|error| format!("it does not take its settings: {error}"))?;
+            let values = plugin.manifest().resolve_settings(named).map_err(NotTaken::Settings)?;
             // Before anything is changed: what cannot be kept does not run.
             let is_swap = matches!(purpose, Purpose::Swap { .. }) && self.lane.is_some();
             self.before = Some(self.settings());
             if !is_swap {
-                self.keep_settings(&given).map_err(|error| error.to_string())?;
+                self.keep_settings(&given)?;
             }
             Ok(Running { digest, plugin, given, values })
         });
@@ -106,7 +116,8 @@ impl Link {
                 self.swap(running, when, probation, around);
             }
             (Ok(running), _) => self.run(running, around),
-            (Err(why), purpose) => {
+            (Err(error), purpose) => {
+                let why = error.to_string();
                 tracing::error!(link = self.config.name, why, "a plug-in is not taken");
                 self.trouble = Some(why.clone());
                 match purpose {
@@ -260,6 +271,7 @@ impl Link {
         }
         self.memory.fail();
         self.memory.boot().unwrap_or_else(|error| {
+            let error = error.to_string();
             tracing::error!(link = self.config.name, error, "the one before cannot run");
             None
         })
@@ -332,7 +344,7 @@ impl Link {
         }
         match self.memory.change_to(digest) {
             Ok(bootable) => self.compile(bootable, given, purpose, around),
-            Err(why) => self.refuse(message, 0, &why, around),
+            Err(error) => self.refuse(message, 0, &error.to_string(), around),
         }
     }
 

@@ -5,19 +5,22 @@ use softplug_live::reactor::LaneFigures;
 use softplug_unit_protocol::ToServer;
 
 use super::{Asked, Link, Surroundings, short};
-use crate::memory::Download;
+use crate::memory::{Download, MemoryError};
 
 impl Link {
     pub(super) fn tell_download(
         &mut self,
-        download: Result<Download, String>,
+        download: Result<Download, MemoryError>,
         around: &mut Surroundings<'_>,
     ) {
         let link = self.number;
         match download {
             Ok(Download::Until(until)) => around.say(&ToServer::Downloaded { link, until }),
             Ok(Download::Whole(slot)) => around.say(&ToServer::Installed { link, slot }),
-            Err(why) => around.say(&ToServer::NotInstalled { link, why: short(&why) }),
+            Err(error) => {
+                let why = error.to_string();
+                around.say(&ToServer::NotInstalled { link, why: short(&why) });
+            }
         }
     }
 
