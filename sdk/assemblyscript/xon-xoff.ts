@@ -340,8 +340,7 @@ function discarded(bytes: u32): void {
     const ofJob = <u32>min<u64>(bytes, s.queued);
     link.jobFailed(s.job, s.stopping, 0, s.queued - ofJob);
     const length = lengthOf(Setting.AbortSend);
-    let words = s.stopping == Failure.Aborted ? length : min<u32>(bytes - ofJob, length);
-    if (s.stopping == Failure.LinkDown) words = 0;
+    const words = s.stopping == Failure.Aborted ? length : min<u32>(bytes - ofJob, length);
     if (words > 0 && words <= link.transmitRoom)
         link.transmit(bytesOf(Setting.AbortSend) + length - words, words);
     finish();

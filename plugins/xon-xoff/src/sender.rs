@@ -375,10 +375,10 @@ impl Sender {
         // What lay before the job's bytes are the last words of a job before it.
         let lost = u64::from(bytes).saturating_sub(self.queued) as usize;
         let last_words = settings.abort_send.as_slice();
-        let words = match failure {
-            Failure::Aborted => last_words,
-            Failure::LinkDown => &[],
-            _ => last_words.get(last_words.len().saturating_sub(lost)..).unwrap_or_default(),
+        let words = if failure == Failure::Aborted {
+            last_words
+        } else {
+            last_words.get(last_words.len().saturating_sub(lost)..).unwrap_or_default()
         };
         if words.len() as u32 <= link.transmit_room() {
             link.transmit(words);

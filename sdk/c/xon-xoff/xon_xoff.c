@@ -265,7 +265,7 @@ static void discarded(uint32_t bytes) {
     /* What an abort before this one sent may have waited still, and is among these bytes. */
     uint32_t of_job = bytes < s.queued ? bytes : (uint32_t)s.queued;
     sp_job_failed(s.job, s.stopping, 0, s.queued - of_job);
-    if (IS_THERE(ABORT_SEND) && s.stopping != SP_FAILURE_LINK_DOWN) {
+    if (IS_THERE(ABORT_SEND)) {
         uint32_t length = LENGTH(ABORT_SEND);
         uint32_t words = s.stopping == SP_FAILURE_ABORTED ? length : least(bytes - of_job, length);
         if (words > 0 && words <= sp_link.transmit_room)

@@ -187,7 +187,7 @@ impl Sender {
         let sent = job.length.saturating_sub(waiting) as u64;
         demands.add(Effect::Failed { job: job.id, failure, status: 0, sent }, clause);
         wire.port.discard();
-        if !matches!(failure, Failure::Aborted | Failure::LinkDown) {
+        if failure != Failure::Aborted {
             let last = rules.abort_send.len() - waiting.saturating_sub(job.length);
             wire.port.send(&rules.abort_send[last..]);
         }

@@ -270,11 +270,16 @@ fn the_source_line_is_known_but_does_not_count() {
 }
 
 #[test]
-fn the_example_of_the_documentation_is_canonical() {
+fn the_example_of_the_documentation_is_the_case_of_the_corpus() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/trace-format.md");
     let document = std::fs::read_to_string(path).unwrap();
     let whole = document.split("```").find(|block| block.starts_with("spt,file="));
     let (_, example) = whole.unwrap().split_once('\n').unwrap();
+    let case = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"
+    );
+    assert_eq!(std::fs::read_to_string(case).unwrap().trim_end(), example.trim_end());
     let trace = Trace::parse(example).unwrap_or_else(|error| panic!("{}", error.report(path)));
     assert_eq!(trace.format(), example);
 }
