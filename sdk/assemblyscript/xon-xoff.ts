@@ -619,16 +619,18 @@ function damaged(kind: i32, hasByte: bool, at: usize): void {
 }
 
 function makeRoom(): void {
+    raiseMarks();
     if (!s.stopped || link.deliveryRoom <= s.high) return;
     letGo();
     awaitAnswer(true);
     awaitQuiet();
 }
 
-/** Marks must leave the host space to report room in between. */
-function setMarks(): void {
-    s.low = min<u32>(number(Setting.LowMark), link.deliveryRoom / 2);
-    s.high = min<u32>(max<u32>(number(Setting.HighMark), s.low), (link.deliveryRoom / 4) * 3);
+/** Marks must leave the host space to report room in between. They rise with the room that is known. */
+function raiseMarks(): void {
+    const room = link.deliveryRoom;
+    s.low = max<u32>(s.low, min<u32>(number(Setting.LowMark), room / 2));
+    s.high = max<u32>(s.high, min<u32>(max<u32>(number(Setting.HighMark), s.low), (room / 4) * 3));
 }
 
 // ---- events ----
@@ -732,7 +734,7 @@ function restore(length: u32): i32 {
 function open(): void {
     for (let at: u32 = 0; at < STATE_BYTES; at++) store<u8>(STATE + at, 0);
     for (let id = 0; id < Timer.Count; id++) store<i64>(STATE + (<usize>id << 3), NEVER);
-    setMarks();
+    raiseMarks();
     if (number(Setting.XonAtOpen) && number(Setting.Speak)) say();
     isOpen = true;
 }

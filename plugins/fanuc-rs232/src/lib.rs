@@ -97,7 +97,7 @@ impl Converter for FanucRs232 {
             self.kept.punch.set_timers(link);
             self.kept.remote_buffer.set_timers(link);
         } else {
-            self.kept.punch.flow.set_marks(opening.delivery_room);
+            self.kept.punch.flow.raise_marks(opening.delivery_room);
         }
     }
 

@@ -70,7 +70,7 @@ impl Converter for XonXoff {
         if opening.resumed {
             self.sender.set_timers(link);
         } else {
-            self.receiver.set_marks(&self.settings, opening.delivery_room);
+            self.receiver.raise_marks(&self.settings, opening.delivery_room);
             if self.settings.xon_at_open && self.settings.speak {
                 self.receiver.say(link, &self.codes);
             }

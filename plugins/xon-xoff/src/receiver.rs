@@ -74,11 +74,12 @@ impl Receiver {
         }
     }
 
-    /// Marks must leave the host space to report room in between. They stay over a
-    /// swap: a converter that goes on is told the room that is left, not the whole.
-    pub(crate) fn set_marks(&mut self, settings: &Settings, capacity: u32) {
-        self.low = (settings.low_mark as u32).min(capacity / 2);
-        self.high = (settings.high_mark as u32).max(self.low).min(capacity / 4 * 3);
+    /// Marks must leave the host space to report room in between. They rise with the room that is
+    /// known, and stay over a swap: a converter that goes on is told what is left, not the whole.
+    pub(crate) fn raise_marks(&mut self, settings: &Settings, room: u32) {
+        self.low = self.low.max((settings.low_mark as u32).min(room / 2));
+        let high = (settings.high_mark as u32).max(self.low).min(room / 4 * 3);
+        self.high = self.high.max(high);
     }
 
     pub(crate) fn set_plain(&mut self, settings: &Settings) {
@@ -191,6 +192,7 @@ impl Receiver {
 
     /// The host has put deliveries away.
     pub(crate) fn drained(&mut self, link: &mut Context<'_>, settings: &Settings, codes: &Codes) {
+        self.raise_marks(settings, link.delivery_room());
         if !self.stopped || link.delivery_room() <= self.high {
             return;
         }

@@ -559,20 +559,23 @@ static void damaged(uint8_t kind, bool has_byte, const uint8_t *byte) {
     after_bytes();
 }
 
+/* Marks must leave the host space to report room in between. They rise with the room that is
+   known. */
+static void raise_marks(void) {
+    uint32_t room = sp_link.delivery_room, wanted = (uint32_t)NUMBER(HIGH_MARK);
+    uint32_t low = least((uint32_t)NUMBER(LOW_MARK), room / 2);
+    s.low = low > s.low ? low : s.low;
+    uint32_t high = least(wanted > s.low ? wanted : s.low, room / 4 * 3);
+    s.high = high > s.high ? high : s.high;
+}
+
 static void delivery_room(void) {
+    raise_marks();
     if (!s.stopped || sp_link.delivery_room <= s.high)
         return;
     let_go();
     await_answer(true);
     await_quiet();
-}
-
-/* Marks must leave the host space to report room in between. */
-static void set_marks(void) {
-    uint32_t low = sp_link.delivery_room / 2, high = sp_link.delivery_room / 4 * 3;
-    s.low = least((uint32_t)NUMBER(LOW_MARK), low);
-    uint32_t wanted = (uint32_t)NUMBER(HIGH_MARK);
-    s.high = least(wanted > s.low ? wanted : s.low, high);
 }
 
 /* ---- events ---- */
@@ -687,7 +690,7 @@ static int32_t restore(const uint8_t *payload, uint32_t length) {
 static void begin(void) {
     fill(&s, 0, sizeof s);
     fill(s.timers, 0xFF, sizeof s.timers); /* NEVER */
-    set_marks();
+    raise_marks();
     if (NUMBER(XON_AT_OPEN) && NUMBER(SPEAK))
         say();
     is_open = true;

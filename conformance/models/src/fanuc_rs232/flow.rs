@@ -26,8 +26,13 @@ impl Flow {
     /// Half and three quarters of the host's room, or less.
     pub(super) fn open(&mut self, room: u32) {
         *self = Self::default();
-        self.low = room.div_ceil(2).min(1_024);
-        self.high = (room - room.div_ceil(4)).min(2_048);
+        self.raise_marks(room);
+    }
+
+    /// They are of the most room that is known.
+    fn raise_marks(&mut self, room: u32) {
+        self.low = self.low.max(room.div_ceil(2).min(1_024));
+        self.high = self.high.max((room - room.div_ceil(4)).min(2_048));
     }
 
     /// Who could tell the control more is gone.
@@ -75,6 +80,7 @@ impl Flow {
         wire: &mut Wire,
         demands: &mut Demands,
     ) -> bool {
+        self.raise_marks(room);
         let goes_on = self.is_stopped && room > self.high;
         if goes_on {
             self.go(rules, wire, demands);

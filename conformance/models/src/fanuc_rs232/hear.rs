@@ -92,6 +92,7 @@ impl Fanuc {
         if !self.punch.is_idle() && !ends {
             return;
         }
+        self.stop_if_short();
         let (punch, mut with) = self.punch();
         punch.end(at, None, "fanuc-rs232.punch.while-waiting", &mut with);
         self.feed.dc1(&mut self.wire);
@@ -104,6 +105,7 @@ impl Fanuc {
         self.feed.take_dc1_back();
         // Behind the closing `%` it begins the next capture; the page does not say so.
         if self.punch.is_ended() || self.punch.is_leaving() {
+            self.stop_if_short();
             let (punch, mut with) = self.punch();
             punch.end(at, None, "fanuc-rs232.punch.after-dc4", &mut with);
         }
@@ -119,6 +121,7 @@ impl Fanuc {
         self.feed.take_dc1_back();
         self.feed.partner_ends(failure, &mut self.wire, &mut self.demands);
         if !self.punch.is_idle() {
+            self.stop_if_short();
             let (punch, mut with) = self.punch();
             punch.end(at, Some(failure), clause, &mut with);
         }

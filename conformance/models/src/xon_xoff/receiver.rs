@@ -62,13 +62,20 @@ impl Receiver {
     /// Marks are lowered for a small host.
     pub(super) fn open(&mut self, rules: &Rules, wire: &mut Wire) {
         self.room.open();
-        let room = self.room.known();
-        self.low_mark = rules.low_mark.min(room / 2);
-        // A high mark below the low one cannot hold; the page does not say so.
-        self.high_mark = rules.high_mark.min(room / 4 * 3).max(self.low_mark);
+        (self.low_mark, self.high_mark) = (0, 0);
+        self.raise_marks(rules);
         if rules.xon_at_open && rules.speak {
             self.speaker.go(rules, wire);
         }
+    }
+
+    /// They are of the most room that is known.
+    fn raise_marks(&mut self, rules: &Rules) {
+        let room = self.room.known();
+        self.low_mark = self.low_mark.max(rules.low_mark.min(room / 2));
+        // A high mark below the low one cannot hold; the page does not say so.
+        let high = rules.high_mark.min(room / 4 * 3).max(self.low_mark);
+        self.high_mark = self.high_mark.max(high);
     }
 
     /// Characters of one time that are no control bytes.
@@ -175,6 +182,7 @@ impl Receiver {
     /// The host may have made room.
     pub(super) fn look_at_room(&mut self, at: Micros, rules: &Rules, wire: &mut Wire) {
         let has_grown = self.room.grows();
+        self.raise_marks(rules);
         if has_grown && self.speaker.is_stopped() && self.room.known() > self.high_mark {
             self.speaker.go(rules, wire);
             if let Some(delivery) = &mut self.delivery {

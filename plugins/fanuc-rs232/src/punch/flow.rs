@@ -28,11 +28,11 @@ pub(crate) struct Flow {
 }
 
 impl Flow {
-    /// Marks must leave the host space to report room in between. They stay over a
-    /// swap: a converter that goes on is told the room that is left, not the whole.
-    pub(crate) fn set_marks(&mut self, capacity: u32) {
-        self.low = LOW.min(capacity.div_ceil(2));
-        self.high = (2 * LOW).min(capacity - capacity.div_ceil(4));
+    /// Marks must leave the host space to report room in between. They rise with the room that is
+    /// known, and stay over a swap: a converter that goes on is told what is left, not the whole.
+    pub(crate) fn raise_marks(&mut self, room: u32) {
+        self.low = self.low.max(LOW.min(room.div_ceil(2)));
+        self.high = self.high.max((2 * LOW).min(room - room.div_ceil(4)));
     }
 
     pub(crate) fn look(&mut self, link: &mut Context<'_>, settings: &Settings, code: Code) {
@@ -56,6 +56,7 @@ impl Flow {
 
     /// Whether the control goes on.
     pub(crate) fn drained(&mut self, link: &mut Context<'_>, settings: &Settings) -> bool {
+        self.raise_marks(link.delivery_room());
         let goes_on = self.held && link.delivery_room() > self.high;
         if goes_on {
             self.let_go(link, settings);

@@ -397,6 +397,9 @@ impl Punch {
         if !self.is_capturing() {
             return;
         }
+        // As if what ends it had come apart from what came before it at the same time.
+        self.text.flush(link);
+        self.flow.look(link, settings, self.code);
         if self.stage == Stage::Unknown {
             self.guess(settings);
             self.settle(link, settings);
