@@ -36,8 +36,10 @@ mod needs_sx {
         let port = line.port();
         let arguments = format!("send --port {port} --plugin xmodem {FAST} {options} sent.bin");
         let command = bench.command(&words(&arguments)).spawn().unwrap();
+        // It takes no name that leads out of its folder.
+        let folder = bench.path("");
         let (mut rx, relay) =
-            line.start(Command::new("rx").arg("-q").args(rx).arg(bench.path("came.bin")));
+            line.start(Command::new("rx").current_dir(folder).arg("-q").args(rx).arg("came.bin"));
         let ran = Ran::from(command.wait_with_output().unwrap());
         if ran.code != 0 {
             // What it waits for does not come any more.
