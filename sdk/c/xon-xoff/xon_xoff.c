@@ -72,6 +72,7 @@ static sp_setting settings[SETTINGS];
 #define IS_THERE(which) ((which) < SETTINGS)
 #define NUMBER(which) (IS_THERE(which) ? settings[which].number : (which) == PARITY_MASK ? 0xFF : 0)
 #define LENGTH(which) (IS_THERE(which) ? settings[which].length : 0)
+#define HAS_STRINGS IS_THERE(FEED_END)
 
 static bool is_among(uint32_t which, uint8_t byte) {
     for (uint32_t i = 0; i < settings[which].length; i++)
@@ -85,7 +86,7 @@ static bool is_among(uint32_t which, uint8_t byte) {
 /* ---- what is kept between two events; all of it is saved and restored ---- */
 
 /* What the sender is at. */
-enum { IDLE, CHECKING, FEEDING, CLOSING, DRAINING, STOPPING };
+enum { IDLE, CHECKING, FEEDING, DRAINING, STOPPING, CLOSING };
 /* Where in a line end a reader is. */
 enum { IN_LINE, AFTER_CR, AFTER_LF, AFTER_LF_CR };
 /* Timers: silence, a repeated XON, a hold that lasts too long. */
@@ -224,7 +225,10 @@ static void forget_hold(void) {
     released();
 }
 
-static bool is_feeding(void) { return s.stage >= FEEDING && s.stage <= DRAINING; }
+/* There is a job with bytes to send. */
+static bool is_feeding(void) {
+    return s.stage == FEEDING || s.stage == DRAINING || (HAS_STRINGS && s.stage == CLOSING);
+}
 
 /* A hold is timed only while there is a job to fail. */
 static void watch_hold(void) {
@@ -242,7 +246,8 @@ static void finish(void) {
     s.stage = IDLE;
     s.paused = s.waits_for_xon = false;
     s.wanted = 0;
-    s.unqueued = 0;
+    if (HAS_STRINGS)
+        s.unqueued = 0;
     set_timer(HELD, NEVER);
     update_hold();
 }
@@ -263,11 +268,11 @@ static void discarded(uint32_t bytes) {
     if (s.stage != STOPPING)
         return;
     /* What an abort before this one sent may have waited still, and is among these bytes. */
-    uint32_t of_job = bytes < s.queued ? bytes : (uint32_t)s.queued;
+    uint64_t of_job = bytes < s.queued ? bytes : s.queued;
     sp_job_failed(s.job, s.stopping, 0, s.queued - of_job);
     if (IS_THERE(ABORT_SEND)) {
         uint32_t length = LENGTH(ABORT_SEND);
-        uint32_t words = s.stopping == SP_FAILURE_ABORTED ? length : least(bytes - of_job, length);
+        uint32_t words = s.stopping == SP_FAILURE_ABORTED ? length : least((uint32_t)(bytes - of_job), length);
         if (words > 0 && words <= sp_link.transmit_room)
             sp_transmit(settings[ABORT_SEND].bytes + length - words, words);
     }
@@ -292,25 +297,31 @@ static void ask(void) {
     }
 }
 
-/* Queues of the strings around the program what there is room for. */
-static void queue_strings(void) {
+/* Queues of the strings around the program what there is room for; whether that was all. */
+static bool queue_strings(void) {
+    if (!HAS_STRINGS)
+        return true;
     uint32_t start = LENGTH(FEED_START), end = s.stage == CLOSING ? LENGTH(FEED_END) : 0;
-    for (; IS_THERE(FEED_END) && s.unqueued > 0 && sp_link.transmit_room > 0; s.unqueued--) {
+    for (; s.unqueued > 0 && sp_link.transmit_room > 0; s.unqueued--) {
         uint32_t at = start + end - s.unqueued;
         queue(at < start ? settings[FEED_START].bytes + at
                          : settings[FEED_END].bytes + at - start, 1);
     }
-    if (s.stage == CLOSING && s.unqueued == 0) {
-        sp_transmit_marked(s.job, 0, 0);
-        s.stage = DRAINING;
-    }
+    return s.unqueued == 0;
+}
+
+SP_SHARED static void drain(void) {
+    sp_transmit_marked(s.job, 0, 0);
+    s.stage = DRAINING;
 }
 
 /* Does what there is room for. */
 static void go_on(void) {
-    queue_strings();
-    if (s.unqueued == 0)
-        ask();
+    if (!queue_strings())
+        return;
+    if (HAS_STRINGS && s.stage == CLOSING)
+        drain();
+    ask();
 }
 
 static void job_begin(const uint8_t *payload) {
@@ -331,7 +342,8 @@ static void job_begin(const uint8_t *payload) {
         s.waits_for_xon = NUMBER(WAIT_FOR_XON) != 0;
         update_hold();
         watch_hold();
-        s.unqueued = LENGTH(FEED_START);
+        if (HAS_STRINGS)
+            s.unqueued = LENGTH(FEED_START);
     }
     go_on();
 }
@@ -384,10 +396,12 @@ static void job_end(void) {
     if (s.stage == CHECKING) {
         sp_check_result(s.job, 0, 0, 0, 0);
         s.stage = IDLE;
+    } else if (s.stage == FEEDING && !HAS_STRINGS) {
+        drain();
     } else if (s.stage == FEEDING) {
         s.stage = CLOSING;
         s.unqueued += LENGTH(FEED_END);
-        queue_strings();
+        go_on();
     }
 }
 
@@ -443,6 +457,15 @@ static void end_delivery(uint8_t failure) {
     await_answer(false);
 }
 
+/* What came before and what comes are apart: no escape, line end or end mark goes over it. */
+static void part(void) {
+    if (!IS_THERE(END_MARK))
+        return;
+    s.escaped = false;
+    s.receive_lines = IN_LINE;
+    s.mark_progress = 0;
+}
+
 static void begin_delivery(void) {
     s.heard = true;
     if (s.delivery != 0)
@@ -451,10 +474,9 @@ static void begin_delivery(void) {
     s.last_delivery += s.last_delivery == 0;
     s.delivery = s.last_delivery;
     s.failure = 0;
-    s.escaped = false;
-    s.receive_lines = IN_LINE;
-    s.mark_progress = 0;
-    s.marks_seen = 0;
+    part();
+    if (IS_THERE(END_MARK))
+        s.marks_seen = 0;
     sp_delivery_begin(s.delivery, 0);
 }
 
@@ -548,10 +570,7 @@ static void damaged(uint8_t kind, bool has_byte, const uint8_t *byte) {
         s.failure = SP_FAILURE_OVERRUN;
     else if (NUMBER(ON_LINE_ERROR) == 0 && s.failure == 0)
         s.failure = SP_FAILURE_LINE_ERROR;
-    /* What stands around it is apart. */
-    s.escaped = false;
-    s.receive_lines = IN_LINE;
-    s.mark_progress = 0;
+    part();
     if (has_byte) {
         count_after_xoff();
         deliver(byte, 1);
@@ -681,7 +700,7 @@ static int32_t take_settings(const uint8_t *payload, uint32_t length) {
 
 static int32_t restore(const uint8_t *payload, uint32_t length) {
     int32_t taken = sp_take_state(&s, sizeof s, 1, payload, length);
-    if (taken > 0 && (s.stage > STOPPING || s.mark_progress >= SP_SETTING_BYTES))
+    if (taken > 0 && (s.stage > (HAS_STRINGS ? CLOSING : STOPPING) || s.mark_progress >= SP_SETTING_BYTES))
         return SP_REFUSE_STATE;
     is_open = taken > 0;
     return taken < 0 ? taken : 0;
