@@ -275,10 +275,8 @@ fn the_example_of_the_documentation_is_the_case_of_the_corpus() {
     let document = std::fs::read_to_string(path).unwrap();
     let whole = document.split("```").find(|block| block.starts_with("spt,file="));
     let (_, example) = whole.unwrap().split_once('\n').unwrap();
-    let case = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"
-    );
+    let case =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt");
     assert_eq!(std::fs::read_to_string(case).unwrap().trim_end(), example.trim_end());
     let trace = Trace::parse(example).unwrap_or_else(|error| panic!("{}", error.report(path)));
     assert_eq!(trace.format(), example);
