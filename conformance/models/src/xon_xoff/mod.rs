@@ -94,7 +94,7 @@ impl Model for XonXoff {
                 }
             }
             LineInput::Damaged { kind: LineErrorKind::Overrun, .. } => {
-                receiver.overrun(at, rules, wire)
+                receiver.overrun(at, rules, wire);
             }
             // A break, or one that was given already.
             LineInput::Damaged { .. } => receiver.receive_break(at),
