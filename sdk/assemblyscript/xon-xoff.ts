@@ -326,6 +326,7 @@ function finish(): void {
 function stop(failure: i32): void {
     if (isFeeding()) {
         link.discard();
+        s.unqueued = 0;
         s.stage = Stage.Stopping;
         s.stopping = failure;
     } else if (s.stage == Stage.Checking) {
@@ -369,6 +370,8 @@ function ask(): void {
 function queueStrings(): void {
     const start = lengthOf(Setting.FeedStart);
     const end: u32 = s.stage == Stage.Closing ? lengthOf(Setting.FeedEnd) : 0;
+    // Of a state that was saved under other settings too much may wait.
+    s.unqueued = min<u32>(s.unqueued, start + end);
     for (; s.unqueued > 0 && link.transmitRoom > 0; s.unqueued--) {
         const at = start + end - s.unqueued;
         queue(at < start ? bytesOf(Setting.FeedStart) + at : bytesOf(Setting.FeedEnd) + at - start, 1);

@@ -219,7 +219,10 @@ impl Sender {
         let start = settings.feed_start.as_slice();
         let is_closing = self.stage == Stage::Closing;
         let end = if is_closing { settings.feed_end.as_slice() } else { &[] };
-        let mut queued = (start.len() + end.len()).saturating_sub(self.unqueued as usize);
+        let all = start.len() + end.len();
+        // Of a state that was saved under other settings too much may wait.
+        self.unqueued = self.unqueued.min(all as u32);
+        let mut queued = all - self.unqueued as usize;
         for string in [start, end] {
             let rest = string.get(queued..).unwrap_or_default();
             queued = queued.saturating_sub(string.len());
@@ -363,6 +366,7 @@ impl Sender {
             self.finish(link);
         } else if self.stage.is_feeding() {
             link.discard();
+            self.unqueued = 0;
             self.stage = Stage::Stopping;
             self.failure = Some(failure);
         }
@@ -399,9 +403,13 @@ impl Sender {
         self.update_hold(link);
     }
 
-    /// Why a job is stopped is known until it has failed.
+    /// Why a job is stopped is known until it has failed. Strings wait of a job that feeds, and of
+    /// one that closes surely.
     fn is_sound(&self) -> bool {
+        let may_wait = matches!(self.stage, Stage::Feeding | Stage::Closing);
+        let must_wait = self.stage == Stage::Closing;
         (self.stage == Stage::Stopping) == self.failure.is_some()
+            && if self.unqueued > 0 { may_wait } else { !must_wait }
     }
 }
 

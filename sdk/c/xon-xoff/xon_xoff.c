@@ -256,6 +256,8 @@ static void finish(void) {
 static void stop(uint8_t failure) {
     if (is_feeding()) {
         sp_discard();
+        if (HAS_STRINGS)
+            s.unqueued = 0;
         s.stage = STOPPING;
         s.stopping = failure;
     } else if (s.stage == CHECKING) {
@@ -272,7 +274,8 @@ static void discarded(uint32_t bytes) {
     sp_job_failed(s.job, s.stopping, 0, s.queued - of_job);
     if (IS_THERE(ABORT_SEND)) {
         uint32_t length = LENGTH(ABORT_SEND);
-        uint32_t words = s.stopping == SP_FAILURE_ABORTED ? length : least((uint32_t)(bytes - of_job), length);
+        uint32_t lost = least((uint32_t)(bytes - of_job), length);
+        uint32_t words = s.stopping == SP_FAILURE_ABORTED ? length : lost;
         if (words > 0 && words <= sp_link.transmit_room)
             sp_transmit(settings[ABORT_SEND].bytes + length - words, words);
     }
@@ -302,6 +305,8 @@ static bool queue_strings(void) {
     if (!HAS_STRINGS)
         return true;
     uint32_t start = LENGTH(FEED_START), end = s.stage == CLOSING ? LENGTH(FEED_END) : 0;
+    /* of a state that was saved under other settings too much may wait */
+    s.unqueued = least(s.unqueued, start + end);
     for (; s.unqueued > 0 && sp_link.transmit_room > 0; s.unqueued--) {
         uint32_t at = start + end - s.unqueued;
         queue(at < start ? settings[FEED_START].bytes + at
@@ -700,7 +705,8 @@ static int32_t take_settings(const uint8_t *payload, uint32_t length) {
 
 static int32_t restore(const uint8_t *payload, uint32_t length) {
     int32_t taken = sp_take_state(&s, sizeof s, 1, payload, length);
-    if (taken > 0 && (s.stage > (HAS_STRINGS ? CLOSING : STOPPING) || s.mark_progress >= SP_SETTING_BYTES))
+    if (taken > 0 && (s.stage > (HAS_STRINGS ? CLOSING : STOPPING) ||
+                      s.mark_progress >= SP_SETTING_BYTES))
         return SP_REFUSE_STATE;
     is_open = taken > 0;
     return taken < 0 ? taken : 0;
