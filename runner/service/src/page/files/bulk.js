@@ -98,7 +98,7 @@ export function bulk(chosen, onChange) {
           const answer = answerOf(link);
           return [`${sentence}; ${inShort(answer)}`, isDone, gravity(answer)];
         },
-        order: (name) => api.post(`/links/${api.part(name)}/jobs`, { program: program.value }).then(store.took),
+        order: (name) => store.took(api.post(`/links/${api.part(name)}/jobs`, { program: program.value })),
       };
     }
     const to = store.plugins.find((of) => text.pluginKey(of) === plugin.value);

@@ -29,8 +29,7 @@ function row(job, withLink) {
   const state = h('td');
   const progress = h('td');
   const order = (verb, body) => () => act(async () => {
-    const came = await api.post(`/jobs/${job.id}/${verb}`, body);
-    store.took(came);
+    const came = await store.took(api.post(`/jobs/${job.id}/${verb}`, body));
     return verb === 'acknowledge' ? '' : { progressOf: came.id };
   });
   let asksForBlock = true;
@@ -42,7 +41,7 @@ function row(job, withLink) {
   const from = h('button', { class: 'quiet', onclick: () => order('restart', { from_block: from.block })() });
   const up = h('button', {
     class: 'quiet', title: 'Before others that wait',
-    onclick: () => act(async () => store.took(await api.put(`/jobs/${job.id}/priority`, { priority: up.priority + 1 }))),
+    onclick: () => act(() => store.took(api.put(`/jobs/${job.id}/priority`, { priority: up.priority + 1 }))),
   }, 'Earlier');
   const node = h('tr', {},
     h('td', {}, String(job.id)),
@@ -70,7 +69,7 @@ function row(job, withLink) {
       if (asksForBlock && now.is_unseen && now.last_block === null && now.surely_left > now.start_byte) {
         // Where a restart can begin is in the program: the gateway looks there for one job at a time.
         asksForBlock = false;
-        api.get(`/jobs/${job.id}`).then(store.took, () => {});
+        store.took(api.get(`/jobs/${job.id}`)).catch(() => {});
       }
     },
   };

@@ -93,7 +93,7 @@ function lathe(path) {
 /** The port, the line and the plug-in. */
 function connection(path) {
   const facts = h('dl', { class: 'pairs' });
-  const onLink = (verb) => () => act(async () => store.took(await api.post(`${path}/${verb}`)));
+  const onLink = (verb) => () => act(() => store.took(api.post(`${path}/${verb}`)));
   const reopen = h('button', { class: 'quiet', onclick: onLink('reopen') }, 'Open the port again');
   const halt = sureButton('Stop the plug-in', onLink('quarantine'));
   const buttons = h('div', { class: 'buttons' }, reopen, halt);
@@ -147,8 +147,7 @@ function sendForm(path, told) {
       const order = { program: program.value, priority: Number(priority.value) || 0 };
       if (block.value) order.from_block = Number(block.value);
       act(async () => {
-        const job = await api.post(`${path}/jobs`, order);
-        store.took(job);
+        const job = await store.took(api.post(`${path}/jobs`, order));
         return { progressOf: job.id };
       });
     },

@@ -22,12 +22,11 @@ export function overview(name, path) {
   const order = (verb) => async () => {
     const link = store.links.get(name);
     if (link?.job) await act(async () => {
-      const job = await api.post(`/jobs/${link.job.id}/${verb}`);
-      store.took(job);
+      const job = await store.took(api.post(`/jobs/${link.job.id}/${verb}`));
       return { progressOf: job.id };
     });
   };
-  const onLink = (verb) => () => act(async () => store.took(await api.post(`${path}/${verb}`)));
+  const onLink = (verb) => () => act(() => store.took(api.post(`${path}/${verb}`)));
   const seen = state.seenButton();
   const pause = h('button', { class: 'steady', onclick: order('pause') }, 'Pause');
   const resume = h('button', { class: 'main steady', onclick: order('resume') }, 'Resume');

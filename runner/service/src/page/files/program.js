@@ -189,8 +189,7 @@ function running(name, changed) {
 function sender(name, changed) {
   const link = h('select', { 'aria-label': 'Link to send to', onchange: changed });
   const send = h('button', { class: 'main', onclick: () => act(async () => {
-    const job = await api.post(`/links/${api.part(link.value)}/jobs`, { program: name });
-    store.took(job);
+    const job = await store.took(api.post(`/links/${api.part(link.value)}/jobs`, { program: name }));
     return { progressOf: job.id };
   }) });
   function update() {

@@ -36,8 +36,7 @@ export function page() {
     const size = h('td');
     const when = h('td');
     const send = h('button', { onclick: () => act(async () => {
-      const job = await api.post(`/links/${api.part(link.value)}/jobs`, { program: name });
-      store.took(job);
+      const job = await store.took(api.post(`/links/${api.part(link.value)}/jobs`, { program: name }));
       return { progressOf: job.id };
     }) });
     const node = h('tr', {}, h('td', {}, h('a', { href: `#/program/${api.part(name)}` }, name)), size, when, h('td', { class: 'buttons' }, send,

@@ -27,7 +27,7 @@ export function quarantine(path) {
       return `Back to ${text.plugin(view.to)}: ${view.state}`;
     }),
   });
-  const release = h('button', { onclick: () => act(async () => store.took(await api.post(`${path}/release`))) }, 'Release');
+  const release = h('button', { onclick: () => act(() => store.took(api.post(`${path}/release`))) }, 'Release');
   const hint = h('p', { class: 'facts' });
   const node = h('div', { class: 'panel bad' }, h('h2', {}, 'Quarantine'), why, h('div', { class: 'buttons' }, back, release), hint, list);
   return {

@@ -108,7 +108,7 @@ export function numbers(job) {
 export function seenButton() {
   const button = h('button', {
     class: 'seen',
-    onclick: () => act(async () => store.took(await api.post(`/jobs/${button.job}/acknowledge`))),
+    onclick: () => act(() => store.took(api.post(`/jobs/${button.job}/acknowledge`))),
   }, 'Seen');
   return {
     node: button,

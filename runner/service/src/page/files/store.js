@@ -69,48 +69,101 @@ function dropLink(name) {
   news.add(name);
 }
 
+/** The last block that left is found out for one job at a time only: it stays known. */
+function keepJob(job) {
+  jobs.set(job.id, { ...job, last_block: job.last_block ?? jobs.get(job.id)?.last_block ?? null });
+}
+
+/** How many changes were told; and of each link, by its name, and each job, by its number, which of them was the last. */
+let told = 0;
+const toldAt = new Map();
+const wasToldSince = (key, since) => (toldAt.get(key) ?? 0) > since;
+
 export const newestJobs = () => [...jobs.values()].sort((a, b) => b.id - a.id);
 export const groups = () => [...new Set([...links.values()].map((link) => link.group).filter(Boolean))].sort(inOrder);
 
 /** Links first: the rest comes while they are shown already. */
 export async function load() {
-  const lists = ['/jobs?limit=200', '/programs', '/plugins', '/journal?limit=200', '/buses', '/cells'];
-  const rest = Promise.all(lists.map((path) => api.get(path)));
-  rest.catch(() => {});
-  const [me, allLinks] = await Promise.all([api.me(), api.get('/links')]);
+  for (const part of [loadJobs, loadJournal, loadPrograms, loadPlugins, loadKinds]) part().catch(() => {});
+  for (const link of receptions.keys()) loadReceptions(link).catch(() => {});
+  const [me] = await Promise.all([api.me(), loadLinks()]);
   role = me.role;
-  links.clear();
-  order = null;
-  for (const link of allLinks) keepLink(link);
-  receptions.clear();
   changed();
-  rest.then(([someJobs, allPrograms, allPlugins, entries, buses, cells]) => {
-    has.buses = buses.length > 0;
-    has.cells = cells.length > 0;
-    jobs.clear();
-    for (const job of someJobs) jobs.set(job.id, job);
-    journal.splice(0, Infinity, ...entries);
-    programs = allPrograms;
-    plugins = allPlugins;
-    changed();
-  }, () => {});
+}
+
+async function loadKinds() {
+  const [buses, cells] = await Promise.all([api.get('/buses'), api.get('/cells')]);
+  has.buses = buses.length > 0;
+  has.cells = cells.length > 0;
+  changed();
+}
+
+const askings = new Map();
+
+/** What is at `path`, or null if it was asked again meanwhile: of two answers that of the later asking stands. */
+async function newest(path) {
+  const mine = (askings.get(path) ?? 0) + 1;
+  askings.set(path, mine);
+  const answer = await api.get(path);
+  return askings.get(path) === mine ? answer : null;
+}
+
+async function loadLinks() {
+  const since = told;
+  const all = await newest('/links');
+  if (!all) return;
+  const names = new Set(all.map((link) => link.name));
+  for (const name of [...links.keys()]) if (!names.has(name) && !wasToldSince(name, since)) dropLink(name);
+  for (const link of all) if (!wasToldSince(link.name, since)) keepLink(link);
+  changed();
+}
+
+async function loadJobs() {
+  const since = told;
+  const some = await newest('/jobs?limit=200');
+  if (!some) return;
+  for (const id of [...jobs.keys()]) if (!wasToldSince(id, since)) jobs.delete(id);
+  for (const job of some) if (!wasToldSince(job.id, since)) keepJob(job);
+  changed();
+}
+
+async function loadJournal() {
+  const entries = await newest('/journal?limit=200');
+  if (!entries) return;
+  const last = entries[0]?.number ?? 0;
+  journal.splice(0, Infinity, ...journal.filter((entry) => entry.number > last), ...entries);
+  changed();
+}
+
+async function loadPrograms() {
+  programs = await newest('/programs') ?? programs;
+  changed();
+}
+
+async function loadPlugins() {
+  plugins = await newest('/plugins') ?? plugins;
+  changed();
 }
 
 export async function loadReceptions(link) {
-  receptions.set(link, await api.get(`/links/${api.part(link)}/receptions`));
+  const list = await newest(`/links/${api.part(link)}/receptions`);
+  if (list) receptions.set(link, list);
   changed();
 }
 
-/** Something came back from an action: it counts as news. */
-export function took(view) {
-  if (view && 'kind' in view && 'id' in view) keepJob(view);
-  else if (view && 'port' in view) keepLink(view);
+/**
+ * Keeps the view of a job or a link that `asked` brings, and returns what it brings. An answer may be overtaken by
+ * changes that were told later: they stand then.
+ */
+export async function took(asked) {
+  const since = told;
+  const view = await asked;
+  if (view && 'kind' in view && 'id' in view) {
+    if (!wasToldSince(view.id, since)) keepJob(view);
+    else if (view.last_block) keepJob({ ...jobs.get(view.id), last_block: view.last_block });
+  } else if (view && 'port' in view && !wasToldSince(view.name, since)) keepLink(view);
   changed();
-}
-
-/** The last block that left is found out for one job at a time only: it stays known. */
-function keepJob(job) {
-  jobs.set(job.id, { ...job, last_block: job.last_block ?? jobs.get(job.id)?.last_block ?? null });
+  return view;
 }
 
 const heed = {
@@ -118,26 +171,40 @@ const heed = {
   'link-removed': (change) => dropLink(change.name),
   job: keepJob,
   journal: (change) => journal.unshift(change),
-  programs: async () => { programs = await api.get('/programs'); },
+  programs: loadPrograms,
   receptions: (change) => receptions.has(change.link) && loadReceptions(change.link),
-  plugins: async () => { plugins = await api.get('/plugins'); },
+  plugins: loadPlugins,
   stopping: () => {},
 };
 
+/** Takes a change, now: those that were told later are taken later. What it makes us ask for comes when it comes. */
+function take(change) {
+  told += 1;
+  if (change.change === 'job') toldAt.set(change.id, told);
+  if (change.change.startsWith('link')) toldAt.set(change.name, told);
+  Promise.resolve(heed[change.change]?.(change)).catch(() => {});
+}
+
+function forgetOldJobs() {
+  if (jobs.size <= MOST_JOBS) return;
+  for (const id of [...jobs.keys()].sort((a, b) => b - a).slice(MOST_JOBS)) {
+    jobs.delete(id);
+    toldAt.delete(id);
+  }
+}
+
 /** Follows the gateway; `state` is told when the connection comes and goes. */
 export function follow(state) {
-  let first = true;
   const path = links.size > MANY ? '/events?apart_ms=1000' : '/events';
   return api.listen(path, {
     state: async (isConnected, error) => {
-      // What happened while we were not connected is not told again.
-      if (isConnected && !first) await load().catch(() => {});
-      first = false;
+      // What happened before is not told.
+      if (isConnected) await load().catch(() => {});
       state(isConnected, error);
     },
-    changes: async (changes) => {
-      for (const change of changes) await heed[change.change]?.(change);
-      if (jobs.size > MOST_JOBS) for (const id of [...jobs.keys()].sort((a, b) => b - a).slice(MOST_JOBS)) jobs.delete(id);
+    changes: (changes) => {
+      changes.forEach(take);
+      forgetOldJobs();
       journal.splice(MOST_ENTRIES);
       changed();
     },

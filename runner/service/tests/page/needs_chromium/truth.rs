@@ -197,3 +197,32 @@ fn held_and_paused_are_two_things_and_all_say_the_same_words() {
     assert_eq!((&hall.link()["trouble"], &hall.link()["unseen_count"]), (&json!([]), &json!(0)));
     assert_eq!(hall.browser.complaints, Vec::<String>::new());
 }
+
+#[test]
+fn an_answer_that_comes_behind_the_news_takes_nothing_back() {
+    let mut hall = Hall::open(&program(40_000));
+    hall.send();
+    hall.page();
+    hall.browser.until("document.querySelector('tr.running')");
+    // Answers to what is ordered come late: the gateway has told of what came of it by then.
+    hall.browser.value(
+        "window.answered = 0; const fetched = window.fetch; \
+         window.fetch = async (path, how) => { \
+             const answer = await fetched(path, how); \
+             if (how?.method === 'POST') { \
+                 const body = await answer.text(); \
+                 await new Promise((go) => setTimeout(go, 1500)); \
+                 window.answered += 1; \
+                 return new Response(body, { status: answer.status }); \
+             } \
+             return answer; \
+         }; 0",
+    );
+    hall.browser.click("button", "Abort");
+    hall.browser.click("button", "Abort: sure?");
+    hall.browser.until("document.querySelector('tr.aborted')");
+    hall.browser.until("window.answered === 1");
+    hall.browser.until("document.querySelector('#message').textContent.includes(': aborted')");
+    assert_eq!(hall.browser.value("Boolean(document.querySelector('tr.aborted'))"), true);
+    assert_eq!(hall.browser.complaints, Vec::<String>::new());
+}
