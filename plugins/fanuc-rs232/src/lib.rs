@@ -211,6 +211,7 @@ impl Converter for FanucRs232 {
             );
         } else {
             self.kept.feed.job_begin(link, &self.settings, &job);
+            self.end_output(link);
         }
     }
 
@@ -258,6 +259,7 @@ impl Converter for FanucRs232 {
             self.kept.punch.finish(link, &self.settings, None);
         }
         self.kept.feed.force_resume(link, &self.settings);
+        self.end_output(link);
     }
 
     fn answer(
@@ -325,6 +327,7 @@ impl FanucRs232 {
                 if !self.kept.punch.control(link, settings, control, is_awaited) {
                     self.kept.feed.control(link, settings, control);
                     self.was_sending |= self.kept.feed.is_sending();
+                    self.end_output(link);
                 }
             }
             // While we send, and as the job ends, it is an echo.
@@ -334,6 +337,13 @@ impl FanucRs232 {
                 self.kept.feed.is_ready &= is_capturing || !self.kept.punch.is_capturing();
             }
             None => {}
+        }
+    }
+
+    /// A control that reads puts nothing out.
+    fn end_output(&mut self, link: &mut Context<'_>) {
+        if self.kept.feed.is_read_now() {
+            self.kept.punch.flow.is_over(link, &self.settings);
         }
     }
 

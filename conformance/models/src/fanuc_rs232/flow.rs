@@ -105,6 +105,17 @@ impl Flow {
         }
     }
 
+    /// The control reads: nothing is said for its output any more.
+    pub(super) fn is_over(&mut self, rules: &Rules, wire: &mut Wire, demands: &mut Demands) {
+        if rules.output_flow == OutputFlow::Rts {
+            self.go(rules, wire, demands);
+        }
+        self.is_stopped = false;
+        if let Some((_, told)) = self.to_leave {
+            self.to_tell = told;
+        }
+    }
+
     /// A DC2 came.
     pub(super) fn dc2(&mut self, room: u32, rules: &Rules, wire: &mut Wire) {
         if rules.answer_dc2 && room > 0 && !self.is_stopped && self.answer.is_none() {

@@ -96,6 +96,14 @@ impl Fanuc {
         let (punch, mut with) = self.punch();
         punch.end(at, None, "fanuc-rs232.punch.while-waiting", &mut with);
         self.feed.dc1(&mut self.wire);
+        self.end_output();
+    }
+
+    /// A control that reads puts nothing out.
+    pub(super) fn end_output(&mut self) {
+        if self.feed.is_reading() {
+            self.flow.is_over(&self.rules, &mut self.wire, &mut self.demands);
+        }
     }
 
     pub(super) fn dc2(&mut self, at: Micros) {

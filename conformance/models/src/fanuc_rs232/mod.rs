@@ -187,6 +187,7 @@ impl Model for Fanuc {
             HostRequest::Job { id, data, fields, .. } => {
                 self.jobs = *id;
                 feed.begin(at, *id, &Start::new(fields), data, rules, wire, demands);
+                self.end_output();
             }
             HostRequest::Pause(id) => feed.pause(*id, true),
             HostRequest::Resume(id) => feed.pause(*id, false),
@@ -199,6 +200,7 @@ impl Model for Fanuc {
                     punch.end(at, None, "fanuc-rs232.punch.while-waiting", &mut with);
                 }
                 self.feed.force_resume(&mut self.wire);
+                self.end_output();
             }
             HostRequest::Keep => self.room.keep(),
             HostRequest::PutAway(bytes) => self.room.put_away(*bytes),

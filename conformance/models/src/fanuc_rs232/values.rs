@@ -62,6 +62,7 @@ pub(super) const CLAUSES: &[&str] = &[
     "fanuc-rs232.punch.flow",
     "fanuc-rs232.punch.flow-rts",
     "fanuc-rs232.punch.flow-late",
+    "fanuc-rs232.punch.flow-reading",
     "fanuc-rs232.punch.resume-code",
     "fanuc-rs232.punch.dsr",
     "fanuc-rs232.punch.abort",

@@ -82,6 +82,11 @@ impl Feed {
         self.is_started
     }
 
+    /// Whether the control takes characters of the job now.
+    pub(crate) fn is_read_now(&self) -> bool {
+        self.is_started && self.is_ready
+    }
+
     /// What people are told, if there is a job.
     pub(crate) fn state(&self) -> Option<State> {
         let state = match self.stage {

@@ -76,6 +76,15 @@ impl Flow {
         }
     }
 
+    /// The control reads: what it put out is over, and a code for it would stand in its program.
+    pub(crate) fn is_over(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if settings.output_flow == OutputFlow::Rts {
+            self.let_go(link, settings);
+        }
+        self.held = false;
+        self.to_tell = self.leaving;
+    }
+
     fn tell(&mut self, link: &mut Context<'_>, code: u8) {
         self.to_tell = code;
         if self.leaving == 0 {
