@@ -43,7 +43,14 @@ impl HeidenhainFe {
         } else if self.stage != Stage::Receiving {
             // Nobody waits for a block: a control that sends one is told that it is over.
             if frame.is_good && !self.stage.is_sending() {
+                self.withdraw(link);
                 self.say(link, EOT);
+            }
+        } else if self.receiver.pay_ack() {
+            self.say(link, ACK);
+            // All but the line that waited, once more, is another one.
+            if frame.is_good && !self.receiver.is_latest(&self.reader.text()) {
+                self.accept(link);
             }
         } else if frame.is_good {
             self.accept(link);
@@ -225,12 +232,17 @@ impl HeidenhainFe {
     }
 
     /// A good block was put away, or not.
-    pub(crate) fn taken(&mut self, link: &mut Context<'_>, is_taken: bool) {
-        if is_taken {
-            self.stage = Stage::Receiving;
-            self.say(link, ACK);
-        } else {
+    fn taken(&mut self, link: &mut Context<'_>, is_taken: bool) {
+        if !is_taken {
             self.stage = Stage::Waiting;
+            return;
+        }
+        self.stage = Stage::Receiving;
+        if self.reader.is_inside_block() {
+            // The control did not wait: in the middle of a block it would not hear us.
+            self.receiver.owe_ack();
+        } else {
+            self.say(link, ACK);
         }
     }
 

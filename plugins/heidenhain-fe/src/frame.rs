@@ -82,6 +82,10 @@ impl Reader {
         self.part != Part::Outside
     }
 
+    pub(crate) fn is_inside_block(&self) -> bool {
+        self.is_inside() && self.begin == STX
+    }
+
     /// A frame that is under way is forgotten.
     pub(crate) fn forget(&mut self) {
         self.part = Part::Outside;

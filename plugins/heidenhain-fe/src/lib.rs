@@ -296,7 +296,7 @@ impl Converter for HeidenhainFe {
         self.name.tell(link, name);
     }
 
-    state_format!(4);
+    state_format!(5);
 }
 
 /// The name in a job's fields.

@@ -13,6 +13,8 @@ pub(crate) struct Receiver {
     at_end: bool,
     /// A good line for which there was no room.
     waiting: Text,
+    /// It found room in the middle of a block: the answer waits for that one's end.
+    owes_ack: bool,
 }
 
 impl Receiver {
@@ -49,6 +51,21 @@ impl Receiver {
         self.take(link, settings, self.waiting)
     }
 
+    /// The answer to the line that waited follows the block that is under way.
+    pub(crate) fn owe_ack(&mut self) {
+        self.owes_ack = true;
+    }
+
+    /// Whether an answer is owed; it is no more.
+    pub(crate) fn pay_ack(&mut self) -> bool {
+        core::mem::take(&mut self.owes_ack)
+    }
+
+    /// Whether a line is the one that waited.
+    pub(crate) fn is_latest(&self, text: &Text) -> bool {
+        self.waiting.as_slice() == text.as_slice()
+    }
+
     /// Whether a bad block may be asked for once more.
     pub(crate) fn refuses(&mut self, most: i64) -> bool {
         self.refusals += 1;
@@ -56,8 +73,9 @@ impl Receiver {
         i64::from(self.refusals) <= most
     }
 
+    /// ETX: it ends nothing behind a block that was refused.
     pub(crate) fn at_end(&mut self) {
-        self.at_end = true;
+        self.at_end = self.refusals == 0;
     }
 
     /// Whether EOT now ends the whole program.

@@ -46,7 +46,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"{"name":"kind","type":"text","text":"Its kind: H a dialog program."}]}],"#,
         r#""profiles":[{"name":"heidenhain-fe","features":["parity","bcc-space"]}],"#,
         r#""needs":{"line_errors":"used","software_parity":true,"check_pass":true},"#,
-        r#""state":{"saves":4,"accepts":[4]},"line":"7E2","#,
+        r#""state":{"saves":5,"accepts":[5]},"line":"7E2","#,
         r#""line_when":[{"when":{"parity":"even"},"line":"8N2"}]"#,
     ),
 };

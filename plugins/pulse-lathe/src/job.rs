@@ -136,7 +136,7 @@ impl Lathe {
         self.finish(link);
         if failure != Failure::LinkDown {
             // Not of the queue: what is dropped of it belongs to jobs alone.
-            link.transmit_urgent(&[codes::STOP]);
+            self.say(link, codes::STOP);
         }
     }
 

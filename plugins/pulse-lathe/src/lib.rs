@@ -49,7 +49,7 @@ softplug_plugin::export!(PulseLathe);
 impl Converter for PulseLathe {
     type Settings = Settings;
     const MANIFEST: &'static str = settings::MANIFEST;
-    const STATE_FORMAT: Option<u16> = Some(1);
+    const STATE_FORMAT: Option<u16> = Some(2);
     /// A whole program is in it.
     const STATE_CAPACITY: usize = 8_192;
 

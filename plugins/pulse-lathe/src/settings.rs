@@ -55,7 +55,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#""profiles":[{"name":"pulse-lathe","features":["iso"]}],"#,
         status_texts!(),
         r#""needs":{"check_pass":true},"#,
-        r#""state":{"saves":1,"accepts":[1]},"line":"40000 8N1""#,
+        r#""state":{"saves":2,"accepts":[2]},"line":"40000 8N1""#,
     ),
 };
 

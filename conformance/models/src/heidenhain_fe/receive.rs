@@ -1,6 +1,6 @@
 //! The control sends: headers of mode A, blocks, and their end.
 
-use super::frame::{ACK, EOT, NAK};
+use super::frame::{ACK, EOT, Kind, NAK};
 use super::room::Room;
 use super::{Fe, LONGEST_NAME, State};
 use crate::model::Effect;
@@ -16,6 +16,8 @@ pub(super) struct Reception {
     pub(super) has_etx: bool,
     /// A good line that has found no room, with its end.
     pub(super) waiting: Option<Vec<u8>>,
+    /// It found room while a block came: its answer follows that one.
+    owed: Option<Vec<u8>>,
     /// When the latest character came, or the latest answer that was late.
     pub(super) latest: Micros,
 }
@@ -53,6 +55,7 @@ impl Fe {
             refusals: 0,
             has_etx: false,
             waiting: None,
+            owed: None,
             latest: self.now,
         });
     }
@@ -72,6 +75,11 @@ impl Fe {
     /// A good block.
     pub(super) fn block(&mut self, text: &[u8]) {
         self.doubts_line();
+        if let Some(line) = self.answers_late()
+            && line == [text, self.rules.line_end].concat()
+        {
+            return;
+        }
         match &mut self.state {
             // An answer in the middle of a program would be taken for a part of it.
             State::Receiving(Reception { waiting: Some(_), .. }) | State::Sending(_) => {}
@@ -82,6 +90,7 @@ impl Fe {
                 self.takes_room();
             }
             State::Idle | State::Asking { .. } | State::Granted { .. } => {
+                self.take_back("heidenhain-fe.rx.stray-block");
                 self.out.send(&[EOT], "heidenhain-fe.rx.stray-block");
             }
         }
@@ -91,6 +100,9 @@ impl Fe {
     pub(super) fn bad_block(&mut self) {
         const CLAUSE: &str = "heidenhain-fe.rx.bad-block";
         self.doubts_line();
+        if self.answers_late().is_some() {
+            return;
+        }
         // One that belongs to no header is passed over: the page speaks of the delivery.
         let State::Receiving(reception) = &mut self.state else { return };
         if reception.waiting.is_some() {
@@ -142,7 +154,19 @@ impl Fe {
         reception.bytes.extend(line);
         reception.latest = self.now;
         self.room.deliver(line.len());
-        self.out.send(&[ACK], "heidenhain-fe.rx.block");
+        if self.frame.as_ref().is_some_and(|frame| frame.kind == Kind::Block) {
+            reception.owed = Some(line.to_vec());
+        } else {
+            self.out.send(&[ACK], "heidenhain-fe.rx.block");
+        }
+    }
+
+    /// A block has ended during which a line found room: that line is answered.
+    fn answers_late(&mut self) -> Option<Vec<u8>> {
+        let State::Receiving(reception) = &mut self.state else { return None };
+        let line = reception.owed.take()?;
+        self.out.send(&[ACK], "heidenhain-fe.rx.room");
+        Some(line)
     }
 
     /// The delivery ends; a line that waits for room is no part of it.

@@ -175,7 +175,7 @@ impl Lathe {
         self.port.discard();
         self.stale = self.port.inside() - self.port.inside_of(&[0xE0, 0xE1]);
         if failure != Failure::LinkDown {
-            self.port.send_urgently(&[0xE1]);
+            self.says(0xE1);
         }
     }
 
@@ -247,16 +247,27 @@ impl Lathe {
     /// Whether the queue is held follows from who holds it.
     fn holds(&mut self) {
         let Some(job) = &mut self.job else { return };
-        let is_thread = matches!(job.stage, Stage::Thread { .. });
-        let is_holding = (job.is_paused || job.is_held) && !is_thread;
+        let may_hold = match job.stage {
+            Stage::Thread { .. } => false,
+            // Behind E2 nothing is left to hold.
+            Stage::Ending => self.port.waiting() > 0,
+            _ => true,
+        };
+        let is_holding = (job.is_paused || job.is_held) && may_hold;
         if is_holding == job.is_holding {
             return;
         }
         job.is_holding = is_holding;
         self.port.hold(is_holding);
         if is_holding {
-            self.port.send_urgently(&[0xE0]);
+            self.says(0xE0);
         }
+    }
+
+    /// No more than eight of each wait; which of them the port has sent it does not tell.
+    fn says(&mut self, code: u8) {
+        self.is_blind |= self.port.urgent() + self.port.inside_of(&[0xE0, 0xE1]) >= 8;
+        self.port.send_urgently(&[code]);
     }
 
     pub(super) fn pauses(&mut self, id: u32, is_paused: bool) {
