@@ -149,7 +149,7 @@ fn tell_the_partner<I: Instance>(
     let before = station.counters().bytes_out;
     while station.now() < until
         && station.counters().bytes_out == before
-        && station.link().next_timer().is_some()
+        && station.link().poll_timeout().is_some()
     {
         let turn = station.turn((station.now() + TICK).min(until), host)?;
         if let Turn::Gone(_) = turn {
