@@ -8,6 +8,7 @@ use crate::sandbox::StepFault;
 use softplug_abi::{Action, Failure, JobId, Micros, RequestId};
 use softplug_link::{
     HoldState, Job, LinkFault, LinkHost, LinkOptions, Recorder, Supply, SwapError, VirtualLine,
+    WireHost,
 };
 use softplug_models::{Broken, Given, HostRequest, LineInput, Step};
 use std::hash::Hash;
@@ -176,12 +177,12 @@ impl PlugIn {
 
     /// When it does something by itself.
     pub(crate) fn next(&self) -> Option<Micros> {
-        self.line.next()
+        self.line.poll_timeout()
     }
 
     /// When the next timer runs out.
     pub(crate) fn next_timer(&self) -> Option<Micros> {
-        self.line.link.next_timer()
+        self.line.link.poll_timeout()
     }
 
     /// The job under way.
@@ -260,7 +261,7 @@ impl PlugIn {
         if let Some(held) = &mut self.held {
             broken = broken.and(held.due(now));
         }
-        self.line.advance(now, &mut self.host)?;
+        self.line.handle_timeout(now, &mut self.host)?;
         broken = broken.and(self.tell(now));
         match step {
             Step::Given(Given::Host(request)) => {
@@ -352,7 +353,7 @@ impl PlugIn {
             HostRequest::PutAllAway => {
                 host.keeps = false;
                 host.put_away += std::mem::take(&mut host.waiting);
-                link.run(now, host)?;
+                link.handle_timeout(now, host)?;
             }
         }
         Ok(())
@@ -440,7 +441,9 @@ impl LinkHost for Host {
     fn drained(&mut self) -> u32 {
         std::mem::take(&mut self.put_away)
     }
+}
 
+impl WireHost for Host {
     fn on_wire(&mut self, start: Micros, byte: u8) {
         if let Some(recorder) = &mut self.recorder {
             recorder.on_wire(start, byte);

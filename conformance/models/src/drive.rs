@@ -4,7 +4,7 @@ use crate::model::{Broken, Conditions, Effect, Given, HostRequest, LineInput, Mo
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Instance, JobId, Micros, ModemLines, RequestId};
 use softplug_link::{
-    Job, LinkFault, LinkHost, LinkOptions, Observed, Recorder, Supply, VirtualLine,
+    Job, LinkFault, LinkHost, LinkOptions, Observed, Recorder, Supply, VirtualLine, WireHost,
 };
 use std::collections::VecDeque;
 
@@ -172,7 +172,7 @@ impl<'a, I: Instance> Drive<'a, I> {
     fn next(&self) -> Option<Micros> {
         let ends = self.ends.front().map(|(at, _)| *at);
         let starts = self.starts.front().map(|(at, _)| *at);
-        let own = self.line.next().map(|next| next - self.clock);
+        let own = self.line.poll_timeout().map(|next| next - self.clock);
         let all = [own, ends, starts, self.model.next()];
         all.into_iter().flatten().min().map(|next| next.max(self.now + Micros(1)))
     }
@@ -185,7 +185,7 @@ impl<'a, I: Instance> Drive<'a, I> {
         }
         self.progress()?;
         self.model.due(now);
-        self.call(|line, now, host| line.advance(now, host))?;
+        self.call(|line, now, host| line.handle_timeout(now, host))?;
         match step {
             Step::Given(Given::Host(request)) => {
                 self.model.host(now, request);
@@ -195,7 +195,7 @@ impl<'a, I: Instance> Drive<'a, I> {
             Step::Given(_) | Step::Swap => {}
         }
         if self.is_down || !self.is_open {
-            self.call(|line, now, host| line.advance(now, host))?;
+            self.call(|line, now, host| line.handle_timeout(now, host))?;
         } else {
             self.call(|line, now, host| line.transmit(now, host))?;
         }
@@ -282,12 +282,12 @@ impl<'a, I: Instance> Drive<'a, I> {
             }
             HostRequest::PutAway(bytes) => {
                 self.recorder.drain(*bytes);
-                self.call(|line, now, host| line.link.run(now, host))
+                self.call(|line, now, host| line.link.handle_timeout(now, host))
             }
             HostRequest::PutAllAway => {
                 self.recorder.drain_by_hand = false;
                 self.recorder.drain(u32::MAX);
-                self.call(|line, now, host| line.link.run(now, host))
+                self.call(|line, now, host| line.link.handle_timeout(now, host))
             }
             HostRequest::Answer(request, answer) => {
                 let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);
@@ -347,7 +347,7 @@ impl<'a, I: Instance> Drive<'a, I> {
         F: FnOnce(
             &mut VirtualLine<I>,
             Micros,
-            &mut dyn LinkHost,
+            &mut dyn WireHost,
         ) -> Result<(), LinkFault<I::Fault>>,
     {
         let mut host = Watch {
@@ -432,7 +432,9 @@ impl LinkHost for Watch<'_> {
     fn drained(&mut self) -> u32 {
         self.recorder.drained()
     }
+}
 
+impl WireHost for Watch<'_> {
     fn on_wire(&mut self, start: Micros, byte: u8) {
         self.recorder.on_wire(start, byte);
     }

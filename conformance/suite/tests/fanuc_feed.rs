@@ -6,7 +6,7 @@ mod fanuc;
 use fanuc::resolve;
 use sha2::{Digest, Sha256};
 use softplug_abi::{Action, Failure, JobId, Micros};
-use softplug_link::{Job, LinkHost, LinkOptions, Supply};
+use softplug_link::{Job, LinkHost, LinkOptions, Supply, WireHost};
 use softplug_machines::fanuc::{
     Control, FeedHold, Feeding, Options, Press, Report, seven_even_two,
 };
@@ -114,6 +114,8 @@ impl LinkHost for Host {
         self.digest = Sha256::new();
     }
 }
+
+impl WireHost for Host {}
 
 const LABEL: &str = "%\n";
 

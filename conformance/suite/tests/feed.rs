@@ -2,7 +2,7 @@
 
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, JobId, LineParameters, Micros};
-use softplug_link::{Job, LinkHost, LinkOptions, Supply};
+use softplug_link::{Job, LinkHost, LinkOptions, Supply, WireHost};
 use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
 use softplug_native::NativePlugin;
 use softplug_trial::ClosedLoop;
@@ -38,6 +38,8 @@ impl LinkHost for Host<'_> {
         self.at = 0;
     }
 }
+
+impl WireHost for Host<'_> {}
 
 fn feed(
     program: &[u8],

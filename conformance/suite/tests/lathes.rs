@@ -3,7 +3,7 @@
 
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Failure, JobId, LineParameters, Micros};
-use softplug_link::{Job, LinkHost, LinkOptions, Supply};
+use softplug_link::{Job, LinkHost, LinkOptions, Supply, WireHost};
 use softplug_machines::pulse_lathe::{Lathe, LatheOptions};
 use softplug_native::{NativeInstance, NativePlugin};
 use softplug_trial::ClosedLoop;
@@ -53,6 +53,8 @@ impl LinkHost for Program {
         self.at = 0;
     }
 }
+
+impl WireHost for Program {}
 
 /// Each has a program of its own: a spindle, a taper, an arc and a thread. A hundredth of a mm is a
 /// pulse, of X as a diameter.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use softplug_abi::{Action, Instance, JobId, Micros, ModemLines};
-use softplug_link::{LinkFault, LinkHost, LinkOptions, Supply, VirtualLine};
+use softplug_link::{LinkFault, LinkHost, LinkOptions, Supply, VirtualLine, WireHost};
 use softplug_machines::{Partner, Signal};
 
 /// Both ends of a line. Time goes from one instant at which something happens
@@ -78,7 +78,10 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     pub fn next(&self) -> Option<Micros> {
         let arrival = self.in_flight.front().map(|(end, _)| *end);
         let told = self.untold.front().map(|(at, _)| *at);
-        [self.line.next(), arrival, told, self.partner.next_event()].into_iter().flatten().min()
+        [self.line.poll_timeout(), arrival, told, self.partner.next_event()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     /// Does all that happens at the next instant. `false` if all is at rest, or
@@ -89,7 +92,7 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     pub fn step(
         &mut self,
         until: Micros,
-        host: &mut dyn LinkHost,
+        host: &mut dyn WireHost,
     ) -> Result<bool, LinkFault<I::Fault>> {
         let Some(next) = self.next().filter(|next| *next <= until) else { return Ok(false) };
         self.now = self.now.max(next);
@@ -115,7 +118,7 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     pub fn wait_until(
         &mut self,
         until: Micros,
-        host: &mut dyn LinkHost,
+        host: &mut dyn WireHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         while self.step(until, host)? {}
         self.now = self.now.max(until);
@@ -123,7 +126,7 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
         self.settle(host)
     }
 
-    fn tell(&mut self, signal: Signal, host: &mut dyn LinkHost) -> Result<(), LinkFault<I::Fault>> {
+    fn tell(&mut self, signal: Signal, host: &mut dyn WireHost) -> Result<(), LinkFault<I::Fault>> {
         let now = self.now;
         let mut host = Watch { host, in_flight: &mut self.in_flight, set: Vec::new() };
         let link = &mut self.line.link;
@@ -162,9 +165,9 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     ///
     /// # Errors
     /// The plug-in fails.
-    pub fn settle(&mut self, host: &mut dyn LinkHost) -> Result<(), LinkFault<I::Fault>> {
+    pub fn settle(&mut self, host: &mut dyn WireHost) -> Result<(), LinkFault<I::Fault>> {
         let mut watch = Watch { host, in_flight: &mut self.in_flight, set: Vec::new() };
-        self.line.tick(self.now, &mut watch)?;
+        self.line.transmit(self.now, &mut watch)?;
         let set = watch.set;
         self.set_outputs(&set);
         Ok(())
@@ -174,7 +177,7 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     ///
     /// # Errors
     /// The plug-in fails.
-    pub fn run_until<O: LinkHost>(
+    pub fn run_until<O: WireHost>(
         &mut self,
         until: Micros,
         host: &mut O,
@@ -187,7 +190,7 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
 
 /// Sees what goes onto the wire.
 struct Watch<'a> {
-    host: &'a mut dyn LinkHost,
+    host: &'a mut dyn WireHost,
     in_flight: &'a mut VecDeque<(Micros, u8)>,
     /// Outputs that the plug-in has set, and which of them on.
     set: Vec<(ModemLines, ModemLines)>,
@@ -212,7 +215,9 @@ impl LinkHost for Watch<'_> {
     fn drained(&mut self) -> u32 {
         self.host.drained()
     }
+}
 
+impl WireHost for Watch<'_> {
     fn on_wire(&mut self, start: Micros, byte: u8) {
         self.host.on_wire(start, byte);
     }

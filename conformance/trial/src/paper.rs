@@ -3,7 +3,7 @@
 use std::io::{self, Read, Seek};
 
 use softplug_abi::{Action, Failure, Instance, JobId, Micros, RequestId};
-use softplug_link::{LinkFault, LinkHost, Supply};
+use softplug_link::{LinkFault, LinkHost, Supply, WireHost};
 
 use crate::budget::Budget;
 use crate::closed_loop::ClosedLoop;
@@ -163,7 +163,9 @@ impl LinkHost for Paper<'_> {
     fn drained(&mut self) -> u32 {
         std::mem::take(&mut self.drained)
     }
+}
 
+impl WireHost for Paper<'_> {
     fn on_wire(&mut self, start: Micros, byte: u8) {
         self.budget.take_character();
         self.last = start;

@@ -211,7 +211,7 @@ fn the_time_for_an_answer_begins_when_the_block_has_left_for_certain() {
     bench.send(b"1 L X+10\n");
     bench.host(|link, now, host| {
         link.received(now, &header("H15E"), host)?;
-        link.run(now, host)?;
+        link.handle_timeout(now, host)?;
         let sent = (1 + block("1 L X+10").len()) as u64;
         let mut taken = 0;
         while let Taken::Bytes(count) = link.take(&mut [0; 64]) {
@@ -220,11 +220,11 @@ fn the_time_for_an_answer_begins_when_the_block_has_left_for_certain() {
         assert_eq!(taken, sent);
         // The port has it all, and cannot say yet that it has gone.
         link.left(sent, 0);
-        link.run(now + Micros(100), host)?;
-        assert_eq!(link.next_timer(), None);
+        link.handle_timeout(now + Micros(100), host)?;
+        assert_eq!(link.poll_timeout(), None);
         link.left(sent, sent);
-        link.run(now + Micros(200), host)?;
-        assert_eq!(link.next_timer(), Some(now + Micros(200) + Micros::from_millis(2_000)));
+        link.handle_timeout(now + Micros(200), host)?;
+        assert_eq!(link.poll_timeout(), Some(now + Micros(200) + Micros::from_millis(2_000)));
         Ok(())
     });
 }
@@ -238,13 +238,13 @@ fn blocks_go_on_when_a_port_says_late_what_has_left() {
         let mut taken = 0;
         for round in 1..200 {
             let now = now + Micros(100 * round);
-            link.run(now, host)?;
+            link.handle_timeout(now, host)?;
             while let Taken::Bytes(count) = link.take(&mut [0; 64]) {
                 taken += count as u64;
             }
             // The port has it all at once, and says seldom that it has gone.
             link.left(taken, if round % 50 == 0 { taken } else { 0 });
-            link.run(now, host)?;
+            link.handle_timeout(now, host)?;
             link.received(now, &[ACK], host)?;
         }
         Ok(())

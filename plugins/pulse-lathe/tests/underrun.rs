@@ -28,7 +28,7 @@ impl Late {
         let size = Some(program.len() as u64);
         let job = Job { id: JobId(1), kind: 0, size, fields: Vec::new(), check: true };
         link.begin_job(now, job, &mut host).unwrap();
-        link.run(now, &mut host).unwrap();
+        link.handle_timeout(now, &mut host).unwrap();
         Self { link, host, now, taken: 0 }
     }
 
@@ -42,7 +42,7 @@ impl Late {
         self.taken += count as u64;
         self.now = self.now + Micros(PERIOD * count as i64);
         self.link.left(self.taken, self.taken);
-        self.link.run(self.now, &mut self.host).unwrap();
+        self.link.handle_timeout(self.now, &mut self.host).unwrap();
         count
     }
 

@@ -72,7 +72,7 @@ fn flight(
         beside(&mut line, &mut out, now);
         let byte = [[0x13], [0x11], [b'A']][(round % 3) as usize];
         line.link.received(now, &byte, &mut out).unwrap();
-        line.tick(now, &mut out).unwrap();
+        line.transmit(now, &mut out).unwrap();
     }
     let fault = line.link.received(Micros(8_100_000), &[BOMB], &mut out).unwrap_err();
     (fault, recording(&line.link))

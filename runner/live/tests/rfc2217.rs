@@ -197,7 +197,7 @@ fn the_servers_own_flow_control_reaches_back_and_loses_nothing() {
     assert!(machine.state().received.len() <= 101);
     // Held for longer than any question may take, and still nobody is dead.
     for at in (0..600).step_by(5) {
-        port.attend(Micros::from_secs(at)).unwrap();
+        port.handle_timeout(Micros::from_secs(at)).unwrap();
     }
     let rest = &all[written..written + 50_000];
     server.inject(Signal::Character(0x11));
@@ -281,13 +281,13 @@ fn a_server_that_hangs_is_found() {
     let mut heard = Heard::default();
     // It answers as long as it lives.
     for at in (0..60).step_by(5) {
-        port.attend(Micros::from_secs(at)).unwrap();
+        port.handle_timeout(Micros::from_secs(at)).unwrap();
         serve(&mut port, &mut heard, |port, _| !port.has_output() && port.unsent() == 0);
         has_served(&server);
         serve(&mut port, &mut heard, |_, _| true);
     }
     server.hang(true);
-    let lost = (60..200).step_by(5).find_map(|at| port.attend(Micros::from_secs(at)).err());
+    let lost = (60..200).step_by(5).find_map(|at| port.handle_timeout(Micros::from_secs(at)).err());
     assert!(matches!(lost, Some(PortError::Gone(LinkDownReason::Failed))), "{lost:?}");
 }
 

@@ -155,7 +155,7 @@ mod needs_ser2net {
         }
         let mut heard = Heard::default();
         for seconds in (0..3_600).step_by(5) {
-            port.attend(softplug_abi::Micros::from_secs(seconds)).unwrap();
+            port.handle_timeout(softplug_abi::Micros::from_secs(seconds)).unwrap();
             serve(&mut port, &mut heard, |_, _| true);
         }
         let mut back = Port::Pty(PtyPort::new(pair, port.line()));

@@ -1,7 +1,7 @@
 //! A unit with its plug-in, the line, and the control at its other end.
 
 use softplug_abi::{Action, Failure, Instance, JobId, LineParameters, Micros};
-use softplug_link::{Job, LinkFault, LinkHost, LinkOptions, Supply};
+use softplug_link::{Job, LinkFault, LinkHost, LinkOptions, Supply, WireHost};
 use softplug_machines::kept::Keep;
 use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
 use softplug_plan::{Dry, MachineOutcome, Outcome, Sample};
@@ -220,6 +220,8 @@ impl LinkHost for Data {
         Supply::Bytes(count as usize)
     }
 }
+
+impl WireHost for Data {}
 
 /// Levels at moments that are the same span apart.
 struct Samples {

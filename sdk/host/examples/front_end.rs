@@ -95,7 +95,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     outside.add_source(JobId(1), b"N0010 G1 X-22.035 Y-96.6\n".repeat(40));
     let program = MEMORY.used() - before_job;
     line.link.begin_job(Micros::ZERO, job, &mut outside)?;
-    line.tick(Micros::ZERO, &mut outside)?;
+    line.transmit(Micros::ZERO, &mut outside)?;
     line.run_until(Micros::from_secs(5), &mut outside)?;
     let running =
         MEMORY.peak() - program - outside.observed.capacity() * size_of_val(&outside.observed[0]);

@@ -41,7 +41,7 @@ use softplug_abi::{JobId, Pass, limits};
 /// host.add_source(JobId(7), b"G1X2".to_vec());
 /// let job = Job { id: JobId(7), kind: 0, size: Some(4), fields: Vec::new(), check: false };
 /// line.link.begin_job(Micros(0), job, &mut host)?;
-/// line.tick(Micros(0), &mut host)?;
+/// line.transmit(Micros(0), &mut host)?;
 /// assert_eq!(host.sent(), b"G1X2");
 /// assert!(host.observed.contains(&(Micros(0), Observed::Done { job: JobId(7), sent: 4 })));
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -7,12 +7,12 @@
 //! 1. what came from the line: [`Link::received`], [`Link::line_error`],
 //!    [`Link::modem_lines`], [`Link::link_down`], [`Link::link_up`];
 //! 2. how far the port has sent: [`Link::left`];
-//! 3. [`Link::run`], which delivers progress, timers, room and data until
+//! 3. [`Link::handle_timeout`], which delivers progress, timers, room and data until
 //!    nothing of this instant is left;
 //! 4. host requests: [`Link::begin_job`], [`Link::abort`] and the like;
-//! 5. [`Link::take`] for what the port may now send, then `run` again if it took
-//!    something;
-//! 6. [`Link::next_timer`] for when to come back. Coming back early is harmless.
+//! 5. [`Link::take`] for what the port may now send, then `handle_timeout` again if it
+//!    took something;
+//! 6. [`Link::poll_timeout`] for when to come back. Coming back early is harmless.
 //!
 //! [`VirtualLine`] does all that in virtual time, with a model of the UART.
 //!
@@ -55,7 +55,7 @@
 //! let mut host = Recorder::default();
 //! line.link.open(Micros(0), &mut host)?;
 //! line.link.received(Micros(1_000), b"G1", &mut host)?;
-//! line.tick(Micros(1_000), &mut host)?;
+//! line.transmit(Micros(1_000), &mut host)?;
 //! let (first, second) = (Observed::Byte(b'G'), Observed::Byte(b'1'));
 //! assert_eq!(host.observed, [(Micros(1_000), first), (Micros(2_042), second)]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -148,14 +148,42 @@ pub trait LinkHost {
     fn drained(&mut self) -> u32 {
         0
     }
+}
 
-    /// Only in virtual time: a character whose start bit leaves at `start`.
+/// What a [`VirtualLine`] needs from its surroundings: what its link needs, and somebody who
+/// sees when characters leave. On a real line nobody does.
+///
+/// ```
+/// use softplug_abi::{Action, LineParameters, Micros};
+/// use softplug_link::{LinkHost, WireHost};
+///
+/// /// What the partner has got, and when.
+/// #[derive(Default)]
+/// struct Partner(Vec<(Micros, u8)>);
+///
+/// impl LinkHost for Partner {
+///     fn handle(&mut self, _now: Micros, _action: &Action<'_>) {}
+/// }
+///
+/// impl WireHost for Partner {
+///     fn off_wire(&mut self, end: Micros, byte: u8) {
+///         self.0.push((end, byte));
+///     }
+/// }
+///
+/// let mut partner = Partner::default();
+/// let end = LineParameters::new(9_600).characters(1);
+/// partner.on_wire(Micros(0), b'G');
+/// partner.off_wire(end, b'G');
+/// assert_eq!(partner.0, [(Micros(1_042), b'G')]);
+/// ```
+pub trait WireHost: LinkHost {
+    /// A character whose start bit leaves at `start`.
     fn on_wire(&mut self, start: Micros, byte: u8) {
         let _ = (start, byte);
     }
 
-    /// Only in virtual time: the same character, whose stop bit ends at `end`.
-    /// That is when it reaches the partner.
+    /// That character's stop bit ends at `end`: it reaches the partner.
     fn off_wire(&mut self, end: Micros, byte: u8) {
         let _ = (end, byte);
     }

@@ -107,14 +107,14 @@ impl Default for LinkOptions {
 /// let mut host = Recorder::default();
 /// link.open(Micros(0), &mut host)?;
 /// link.received(Micros(1_000), b"G1", &mut host)?;
-/// link.run(Micros(1_000), &mut host)?;
+/// link.handle_timeout(Micros(1_000), &mut host)?;
 /// assert_eq!(link.hold(), HoldState::Free);
 /// let mut port = [0; 64];
 /// assert_eq!(link.take(&mut port), Taken::Bytes(2));
 /// assert_eq!(&port[..2], b"G1");
 /// // Both have left the wire, at the latest now.
 /// link.left(2, 2);
-/// link.run(Micros(3_084), &mut host)?;
+/// link.handle_timeout(Micros(3_084), &mut host)?;
 /// assert!(link.is_idle());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -273,7 +273,7 @@ impl<I: Instance> Link<I> {
         self.core.restate_rooms();
         self.step(&opening, host)?;
         self.tell_modem_lines(host)?;
-        self.run(self.now, host)
+        self.handle_timeout(self.now, host)
     }
 
     /// The opening that tells a plug-in of the same state what this one knows.
@@ -323,7 +323,7 @@ impl<I: Instance> Link<I> {
         now: Micros,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, host)?;
+        self.handle_timeout(now, host)?;
         self.keep();
         self.steps = 0;
         self.step(&Event::Close, host)
@@ -331,7 +331,7 @@ impl<I: Instance> Link<I> {
 
     /// How many characters, of all that [`take`](Self::take) gave out, have left
     /// the wire: at most (never late) and at least (never early). The reports to
-    /// the plug-in follow in [`run`](Self::run).
+    /// the plug-in follow in [`handle_timeout`](Self::handle_timeout).
     pub fn left(&mut self, maybe: u64, surely: u64) {
         self.core.queue.left(maybe, surely);
     }
@@ -339,7 +339,11 @@ impl<I: Instance> Link<I> {
     /// Delivers what is due at `now` until nothing of this instant is left:
     /// transmit progress, timers by (deadline, id), room for deliveries, then
     /// the job's data.
-    pub fn run(&mut self, now: Micros, host: &mut dyn LinkHost) -> Result<(), LinkFault<I::Fault>> {
+    pub fn handle_timeout(
+        &mut self,
+        now: Micros,
+        host: &mut dyn LinkHost,
+    ) -> Result<(), LinkFault<I::Fault>> {
         self.begin_instant(now);
         if !self.is_open {
             return Ok(());
@@ -413,7 +417,8 @@ impl<I: Instance> Link<I> {
     }
 
     /// Gives the port what it may now send, as much as fits into `buffer`.
-    /// Call it only when [`run`](Self::run) has left nothing for this instant.
+    /// Call it only when [`handle_timeout`](Self::handle_timeout) has left nothing for this
+    /// instant.
     pub fn take(&mut self, buffer: &mut [u8]) -> Taken {
         if self.has_ended || self.down.is_some() {
             return Taken::Nothing;
@@ -421,9 +426,10 @@ impl<I: Instance> Link<I> {
         self.core.queue.take(buffer)
     }
 
-    /// When the next timer runs out.
-    pub fn next_timer(&self) -> Option<Micros> {
-        self.core.timers.next()
+    /// When [`handle_timeout`](Self::handle_timeout) has something to do though nothing comes: when
+    /// the next timer runs out.
+    pub fn poll_timeout(&self) -> Option<Micros> {
+        self.core.timers.poll_timeout()
     }
 
     /// The job under way.
@@ -521,8 +527,8 @@ impl<I: Instance> Link<I> {
         self.core.queue.awaits_departures()
     }
 
-    /// Whether, after [`take`](Self::take), [`run`](Self::run) may have something to
-    /// tell of it.
+    /// Whether, after [`take`](Self::take), [`handle_timeout`](Self::handle_timeout) may have
+    /// something to tell of it.
     pub fn has_reports(&self) -> bool {
         self.core.queue.has_reports()
     }

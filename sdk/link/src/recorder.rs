@@ -1,6 +1,6 @@
 //! An outside that keeps all that happens, in memory.
 
-use crate::{LinkHost, Supply};
+use crate::{LinkHost, Supply, WireHost};
 use alloc::borrow::ToOwned;
 use alloc::collections::BTreeMap;
 use alloc::string::String;
@@ -261,7 +261,9 @@ impl LinkHost for Recorder {
     fn drained(&mut self) -> u32 {
         core::mem::take(&mut self.drained)
     }
+}
 
+impl WireHost for Recorder {
     fn on_wire(&mut self, start: Micros, byte: u8) {
         self.push(start, Observed::Byte(byte));
     }

@@ -24,7 +24,7 @@ impl Timers {
         self.deadlines = Default::default();
     }
 
-    pub(crate) fn next(&self) -> Option<Micros> {
+    pub(crate) fn poll_timeout(&self) -> Option<Micros> {
         self.deadlines.iter().flatten().min().copied()
     }
 

@@ -1,13 +1,13 @@
 //! A link in virtual time: the clock is a number, the port a model of a UART.
 
-use crate::{Link, LinkFault, LinkHost, LinkOptions, Taken, Wire};
+use crate::{Link, LinkFault, LinkHost, LinkOptions, Taken, Wire, WireHost};
 use core::hash::{Hash, Hasher};
 use softplug_abi::{Action, Instance, Micros};
 
 /// A [`Link`] on a [`Wire`].
 ///
 /// At each instant, in this order: what came from the line (through
-/// [`link`](Self::link)), [`advance`](Self::advance), host requests (again
+/// [`link`](Self::link)), [`handle_timeout`](Self::handle_timeout), host requests (again
 /// through `link`), [`transmit`](Self::transmit).
 ///
 /// The [crate's page](crate) has an example.
@@ -44,37 +44,40 @@ impl<I: Instance> VirtualLine<I> {
     }
 
     /// When something happens next without anything from outside.
-    pub fn next(&self) -> Option<Micros> {
-        [self.link.next_timer(), self.wire.next(), self.break_until].into_iter().flatten().min()
+    pub fn poll_timeout(&self) -> Option<Micros> {
+        [self.link.poll_timeout(), self.wire.poll_timeout(), self.break_until]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
-    /// Reports what has left the wire, then runs the link.
+    /// Reports what has left the wire, then [`Link::handle_timeout`].
     ///
     /// # Errors
     /// The plug-in fails.
-    pub fn advance(
+    pub fn handle_timeout(
         &mut self,
         now: Micros,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.wire.advance(now);
+        self.wire.handle_timeout(now);
         self.break_until = self.break_until.filter(|until| *until > now);
         self.link.left(self.wire.left(), self.wire.left());
-        self.link.run(now, host)
+        self.link.handle_timeout(now, host)
     }
 
-    /// Lets the transmitter take what it may, until nothing more happens at
-    /// this instant.
+    /// [`handle_timeout`](Self::handle_timeout), then lets the transmitter take what it may, until
+    /// nothing more happens at this instant: all of an instant to which nothing comes from outside.
     ///
     /// # Errors
     /// The plug-in fails.
     pub fn transmit(
         &mut self,
         now: Micros,
-        host: &mut dyn LinkHost,
+        host: &mut dyn WireHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         loop {
-            self.advance(now, host)?;
+            self.handle_timeout(now, host)?;
             if self.break_until.is_some() {
                 return Ok(());
             }
@@ -98,19 +101,6 @@ impl<I: Instance> VirtualLine<I> {
         }
     }
 
-    /// One instant without anything from outside.
-    ///
-    /// # Errors
-    /// The plug-in fails.
-    pub fn tick(
-        &mut self,
-        now: Micros,
-        host: &mut dyn LinkHost,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.advance(now, host)?;
-        self.transmit(now, host)
-    }
-
     /// Lets time go on to `until`, through every instant at which something
     /// happens by itself.
     ///
@@ -119,11 +109,11 @@ impl<I: Instance> VirtualLine<I> {
     pub fn run_until(
         &mut self,
         until: Micros,
-        host: &mut dyn LinkHost,
+        host: &mut dyn WireHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        while let Some(next) = self.next().filter(|next| *next <= until) {
-            self.tick(next.max(self.link.now()), host)?;
+        while let Some(next) = self.poll_timeout().filter(|next| *next <= until) {
+            self.transmit(next.max(self.link.now()), host)?;
         }
-        self.tick(until, host)
+        self.transmit(until, host)
     }
 }

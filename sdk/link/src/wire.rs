@@ -15,8 +15,8 @@ use softplug_abi::{LineParameters, Micros};
 /// let mut wire = Wire::new(LineParameters::new(9_600), 1);
 /// assert_eq!(wire.give(Micros(0)), Micros(0));
 /// assert_eq!(wire.space(), 0);
-/// assert_eq!(wire.next(), Some(Micros(1_042)));
-/// wire.advance(Micros(1_042));
+/// assert_eq!(wire.poll_timeout(), Some(Micros(1_042)));
+/// wire.handle_timeout(Micros(1_042));
 /// assert_eq!((wire.left(), wire.space()), (1, 1));
 /// ```
 #[derive(Clone, Debug)]
@@ -57,7 +57,7 @@ impl Wire {
     }
 
     /// When the next character will have left.
-    pub fn next(&self) -> Option<Micros> {
+    pub fn poll_timeout(&self) -> Option<Micros> {
         self.ends.front().copied()
     }
 
@@ -91,7 +91,7 @@ impl Wire {
     }
 
     /// Lets characters leave that end at or before `now`.
-    pub fn advance(&mut self, now: Micros) {
+    pub fn handle_timeout(&mut self, now: Micros) {
         while self.ends.front().is_some_and(|end| *end <= now) {
             self.ends.pop_front();
             self.left += 1;

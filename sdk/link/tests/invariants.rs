@@ -260,12 +260,12 @@ fn check(steps: Vec<Step>) {
                 if discards {
                     let dropped = std::mem::take(&mut known.borrow_mut().queue).len() as u64;
                     let before = known.borrow().discarded;
-                    link.run(now, &mut out).unwrap();
+                    link.handle_timeout(now, &mut out).unwrap();
                     assert_eq!(known.borrow().discarded - before, dropped);
                 }
             }
         }
-        link.run(now, &mut out).unwrap();
+        link.handle_timeout(now, &mut out).unwrap();
         let known = known.borrow();
         assert_eq!(known.answers_missing, 0, "a discard was not answered");
         assert_eq!(link.waiting(), known.queue.len());
@@ -279,19 +279,19 @@ fn check(steps: Vec<Step>) {
     let end = Micros(1_000_000);
     known.borrow_mut().todo = Some(Step::Release);
     link.received(end, b"!", &mut out).unwrap();
-    link.run(end, &mut out).unwrap();
+    link.handle_timeout(end, &mut out).unwrap();
     let mut rest: Vec<u8> = Vec::new();
     let mut buffer = [0; 7];
     while let Taken::Bytes(count) = link.take(&mut buffer) {
         rest.extend(&buffer[..count]);
         given += count as u64;
-        link.run(end, &mut out).unwrap();
+        link.handle_timeout(end, &mut out).unwrap();
     }
     let mut left: Vec<u8> = known.borrow().urgent.iter().copied().collect();
     left.extend(&known.borrow().queue);
     assert_eq!(rest, left);
     link.left(given, given);
-    link.run(end, &mut out).unwrap();
+    link.handle_timeout(end, &mut out).unwrap();
     assert_eq!(known.borrow().marks, []);
     assert_eq!(known.borrow().transmit_room, TRANSMIT);
     kept.extend(out.open_delivery.take().map(|open| open.bytes).unwrap_or_default());

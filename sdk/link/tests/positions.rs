@@ -17,28 +17,28 @@ fn characters_follow_back_to_back() {
     let mut wire = Wire::new(line, 16);
     let starts: Vec<_> = (0..6).map(|_| wire.give(Micros(500)).0).collect();
     assert_eq!(starts, [500, 1_542, 2_584, 3_625, 4_667, 5_709]);
-    assert_eq!(wire.next(), Some(Micros(1_542)));
-    wire.advance(Micros(3_624));
+    assert_eq!(wire.poll_timeout(), Some(Micros(1_542)));
+    wire.handle_timeout(Micros(3_624));
     assert_eq!((wire.left(), wire.space()), (2, 12));
-    wire.advance(Micros(3_625));
+    wire.handle_timeout(Micros(3_625));
     assert_eq!((wire.left(), wire.space()), (3, 13));
     // Given while the wire is busy, or at the very end: the same run goes on.
     assert_eq!(wire.give(Micros(6_000)), Micros(6_750));
-    wire.advance(Micros(7_792));
+    wire.handle_timeout(Micros(7_792));
     assert_eq!((wire.left(), wire.space()), (7, 16));
     assert_eq!(wire.give(Micros(7_792)), Micros(7_792));
-    wire.advance(Micros(8_834));
+    wire.handle_timeout(Micros(8_834));
     assert_eq!(wire.left(), 8);
     // To the µs: not 1,042 after the end of the second.
     let mut next = Wire::new(line, 1);
     for (at, end) in [(500, 1_542), (1_542, 2_584), (2_584, 3_625)] {
         assert_eq!(next.give(Micros(at)), Micros(at));
-        assert_eq!(next.next(), Some(Micros(end)));
-        next.advance(Micros(end));
+        assert_eq!(next.poll_timeout(), Some(Micros(end)));
+        next.handle_timeout(Micros(end));
     }
     // After a silence a new run begins.
     assert_eq!(wire.give(Micros(8_900)), Micros(8_900));
-    assert_eq!(wire.next(), Some(Micros(9_942)));
+    assert_eq!(wire.poll_timeout(), Some(Micros(9_942)));
 }
 
 #[test]
@@ -47,10 +47,10 @@ fn a_character_takes_all_its_bits() {
         LineParameters { baud: 10_000, data_bits: 7, parity: Parity::Even, stop_half_bits: 4 };
     let mut wire = Wire::new(line, 1);
     wire.give(Micros(0));
-    assert_eq!(wire.next(), Some(Micros(1_100)));
+    assert_eq!(wire.poll_timeout(), Some(Micros(1_100)));
     let mut wire = Wire::new(LineParameters::new(0), 1);
     assert_eq!(wire.give(Micros(70)), Micros(70));
-    wire.advance(Micros(70));
+    wire.handle_timeout(Micros(70));
     assert_eq!((wire.left(), wire.space()), (1, 1), "no rate: it leaves at once");
 }
 
@@ -63,7 +63,7 @@ fn a_transmitter_is_full_at_its_depth() {
             wire.give(Micros(0));
         }
         assert_eq!(wire.space(), 0);
-        wire.advance(Micros(1_000));
+        wire.handle_timeout(Micros(1_000));
         assert_eq!(wire.space(), 1);
     }
     assert_eq!(Wire::new(LineParameters::new(10_000), 0).space(), 1);

@@ -331,7 +331,7 @@ fn story(swap_at: Option<i64>, fails: Option<(u64, Failing)>) -> Seen {
             57_000 => out.drain(u32::MAX),
             _ => {}
         }
-        line.tick(now, &mut out).unwrap();
+        line.transmit(now, &mut out).unwrap();
         events = line.link.on_probation().unwrap_or(events);
     }
     let reverted = line.link.take_reverted().is_some();

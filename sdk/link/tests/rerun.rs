@@ -81,8 +81,8 @@ fn play(script: &Script) -> (LinkFault<Refused>, Given) {
     link.begin_job(Micros(10), job, &mut out).unwrap();
     link.take(&mut [0; 8]);
     link.left(8, 8);
-    link.run(Micros(20), &mut out).unwrap();
-    link.run(Micros(50), &mut out).unwrap();
+    link.handle_timeout(Micros(20), &mut out).unwrap();
+    link.handle_timeout(Micros(50), &mut out).unwrap();
     link.take(&mut [0; 8]);
     link.answer(Micros(60), RequestId(1), Ok(b"yes"), &mut out).unwrap();
     link.save(Micros(65), &mut out).unwrap();

@@ -256,7 +256,7 @@ impl<C: Converter> Bench<C> {
     }
 
     fn settle(&mut self) {
-        let settled = self.line.tick(self.now, &mut self.recorder);
+        let settled = self.line.transmit(self.now, &mut self.recorder);
         self.went_well(settled);
     }
 

@@ -210,7 +210,7 @@ impl<I: Instance> Talk<I> {
     fn run(&mut self, millis: i64) {
         let end = self.now + Micros::from_millis(millis);
         loop {
-            self.line.tick(self.now, &mut self.recorder).map_err(|_| "it goes on").unwrap();
+            self.line.transmit(self.now, &mut self.recorder).map_err(|_| "it goes on").unwrap();
             let sent = self.recorder.sent();
             let said = self.partner.hear(&sent[self.sent..]);
             self.sent = sent.len();

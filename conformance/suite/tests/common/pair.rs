@@ -4,7 +4,7 @@
 
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Failure, JobId, Micros, RequestId};
-use softplug_link::{Job, LinkHost, LinkOptions, Supply, VirtualLine};
+use softplug_link::{Job, LinkHost, LinkOptions, Supply, VirtualLine, WireHost};
 use softplug_machines::{Partner, Signal};
 use softplug_native::{NativeInstance, NativePlugin};
 use std::collections::VecDeque;
@@ -162,7 +162,9 @@ impl LinkHost for Host {
     fn drained(&mut self) -> u32 {
         std::mem::take(&mut self.drained)
     }
+}
 
+impl WireHost for Host {
     fn on_wire(&mut self, start: Micros, _byte: u8) {
         self.start = start;
     }
@@ -261,7 +263,7 @@ impl PluginEnd {
     pub(crate) fn is_at_rest(&self) -> bool {
         self.waiting.is_empty()
             && self.line.link.job().is_none()
-            && self.line.link.next_timer().is_none()
+            && self.line.link.poll_timeout().is_none()
             && !self.line.link.has_to_send()
             && self.host.open.is_none()
     }
@@ -341,7 +343,7 @@ impl Partner for PluginEnd {
         let job = self.waiting.front().map(|(at, ..)| *at);
         let now = self.line.link.now();
         [
-            self.line.next(),
+            self.line.poll_timeout(),
             self.host.in_flight.front().map(|(end, _)| *end),
             self.host.to_put_away.front().map(|(at, _)| *at),
             self.given_at,
@@ -364,7 +366,7 @@ impl Partner for PluginEnd {
         while let Some((_, bytes)) = self.host.to_put_away.pop_front_if(|(at, _)| *at <= now) {
             self.host.drained += bytes;
         }
-        self.line.tick(now, &mut self.host).unwrap_or_else(|fault| panic!("{fault}"));
+        self.line.transmit(now, &mut self.host).unwrap_or_else(|fault| panic!("{fault}"));
         while self.swaps.pop_front_if(|at| *at <= now).is_some() {
             let successor = self.plugin.instantiate();
             let swapped = self.line.link.swap(now, successor, &mut self.host);
@@ -384,7 +386,7 @@ impl Partner for PluginEnd {
                 .unwrap_or_else(|fault| panic!("{fault}"));
         }
         self.begin_job(now);
-        self.line.tick(now, &mut self.host).unwrap_or_else(|fault| panic!("{fault}"));
+        self.line.transmit(now, &mut self.host).unwrap_or_else(|fault| panic!("{fault}"));
     }
 
     fn poll_transmit(&mut self, now: Micros) -> Option<u8> {

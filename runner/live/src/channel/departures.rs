@@ -228,7 +228,7 @@ impl Departures {
     }
 
     /// When the run that leaves next will have left.
-    pub(super) fn next(&self) -> Option<Micros> {
+    pub(super) fn poll_timeout(&self) -> Option<Micros> {
         self.runs.front().map(|run| run.surely_left(run.count - 1))
     }
 

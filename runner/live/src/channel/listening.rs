@@ -70,14 +70,14 @@ impl<I: Instance> Channel<I> {
     }
 
     fn is_due(&self, now: Micros) -> bool {
-        self.link.next_timer().is_some_and(|at| at <= now)
+        self.link.poll_timeout().is_some_and(|at| at <= now)
     }
 
     /// A time for what is not from the line: now, but before any timer that has
     /// not run out yet. What may stop it is perhaps not read.
     pub(super) fn before_timers(&self, now: Micros) -> Micros {
         let latest = self.link.now();
-        let bound = self.link.next_timer().map_or(now, |at| now.min(at - Micros(1)));
+        let bound = self.link.poll_timeout().map_or(now, |at| now.min(at - Micros(1)));
         bound.max(latest)
     }
 

@@ -283,7 +283,7 @@ impl<I: Instance> Channel<I> {
             let now = self.take_in(clock, host)?;
             self.look_at_modem_lines(clock, host)?;
             self.note_departures(now);
-            self.ask_at(now, host, |link, now, host| link.run(now, host))??;
+            self.ask_at(now, host, |link, now, host| link.handle_timeout(now, host))??;
             let has_sent = self.gone.is_none() && self.send_some(clock.now(), clock, host)?;
             let now = clock.now();
             let goes_on = self.may_read() || (has_sent && self.may_go_on(now));
@@ -300,20 +300,20 @@ impl<I: Instance> Channel<I> {
     /// What to wait for, after [`Work::Done`].
     pub fn wants(&self, now: Micros) -> Wants {
         if self.gone.is_some() || self.link.has_ended() {
-            return Wants { deadline: self.link.next_timer(), ..Wants::default() };
+            return Wants { deadline: self.link.poll_timeout(), ..Wants::default() };
         }
         let is_stuck = self.is_stuck(now);
         let port = self.port.as_ref();
         let is_suspended = port.is_some_and(Port::is_suspended);
         let has_output = port.is_some_and(Port::has_output);
         let deadlines = [
-            self.link.next_timer(),
+            self.link.poll_timeout(),
             self.next_departure(now),
             self.is_calling_back.then_some(now + LOOK_AGAIN),
             self.break_until,
             self.break_next.is_some().then_some(now + LOOK_AGAIN),
             self.looks_for_modem_lines().then_some(self.modem_lines_at),
-            port.and_then(Port::attention),
+            port.and_then(Port::poll_timeout),
         ];
         Wants {
             read: self.readable_bytes() > 0,
@@ -337,7 +337,7 @@ impl<I: Instance> Channel<I> {
         if self.departures.has_news() {
             return Some(now);
         }
-        let next = self.departures.next()?;
+        let next = self.departures.poll_timeout()?;
         let keeps_rate = self.port.as_ref().is_some_and(Port::rate_known);
         let again = if keeps_rate { LOOK_AGAIN } else { LOOK_AGAIN_FAR };
         Some(if next > now { next } else { now + again })
@@ -421,7 +421,7 @@ impl<I: Instance> Channel<I> {
         }
         self.ask(now, host, |link, now, host| {
             link.link_down(now, reason, host)?;
-            link.run(now, host)
+            link.handle_timeout(now, host)
         })??;
         Ok(())
     }
@@ -500,7 +500,7 @@ impl<I: Instance> Channel<I> {
             let up = link.link_up(now, host);
             let told = lines.map_or(Ok(()), |(known, on)| link.modem_lines(now, known, on, host));
             up.and(told)?;
-            link.run(now, host)
+            link.handle_timeout(now, host)
         })??;
         Ok(())
     }
@@ -527,11 +527,11 @@ impl<I: Instance> Channel<I> {
         let Some(port) = self.port.as_mut().filter(|_| self.gone.is_none()) else {
             return Ok(());
         };
-        if !port.has_output() && port.attention().is_none_or(|at| at > now) {
+        if !port.has_output() && port.poll_timeout().is_none_or(|at| at > now) {
             return Ok(());
         }
         self.readable = true;
-        match port.attend(now) {
+        match port.handle_timeout(now) {
             Err(PortError::Gone(reason)) => self.lose(now, reason, host),
             attended => Ok(attended?),
         }

@@ -123,7 +123,7 @@ impl<P: Partner> Uart<P> {
     }
 
     /// When [`turn`](Self::turn) has something to do.
-    pub(super) fn next(&self) -> Option<Micros> {
+    pub(super) fn poll_timeout(&self) -> Option<Micros> {
         let leaves = self.shifting.map(|(at, _)| at);
         [leaves, self.partner.next_event()].into_iter().flatten().min()
     }

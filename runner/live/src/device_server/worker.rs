@@ -147,7 +147,7 @@ impl<P: Partner> Worker<P> {
             let read = uart.room() > 0 && client.input.is_empty();
             (&client.stream as &dyn Source, Interest { read, write: client.server.has_output() })
         });
-        self.poller.wait_both([listener, client], uart.next())
+        self.poller.wait_both([listener, client], uart.poll_timeout())
     }
 }
 

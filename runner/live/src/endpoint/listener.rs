@@ -122,7 +122,7 @@ impl EndpointListener {
         None
     }
 
-    pub(super) fn deadline(&self) -> Option<Micros> {
+    pub(super) fn poll_timeout(&self) -> Option<Micros> {
         [self.listen_again, self.accept_again].into_iter().flatten().min()
     }
 

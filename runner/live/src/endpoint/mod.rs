@@ -245,7 +245,7 @@ impl Endpoint for ServerEndpoint {
         }
     }
 
-    fn deadline(&self) -> Option<Micros> {
+    fn poll_timeout(&self) -> Option<Micros> {
         let has_more = self.news.len() + self.requests.len() > 0
             || self.is_ending
             || self.client.as_ref().is_some_and(|client| {
@@ -254,7 +254,7 @@ impl Endpoint for ServerEndpoint {
         if has_more {
             return Some(self.now);
         }
-        [self.listener.deadline(), self.gap_at, self.gather_until, self.look_at]
+        [self.listener.poll_timeout(), self.gap_at, self.gather_until, self.look_at]
             .into_iter()
             .flatten()
             .min()

@@ -301,21 +301,21 @@ impl Port {
 
     /// Does what the port does of its own: a device server is answered, and
     /// asked whether it lives. Call it when the port becomes writable and when
-    /// [`attention`](Self::attention) has come; then read, because what came
+    /// [`poll_timeout`](Self::poll_timeout) has come; then read, because what came
     /// may have waited. [`PortError::Gone`] if the other side is dead.
-    pub fn attend(&mut self, now: Micros) -> Result<(), PortError> {
+    pub fn handle_timeout(&mut self, now: Micros) -> Result<(), PortError> {
         match self {
-            Self::Tcp(port) => port.attend(now),
-            Self::Rfc2217(port) => port.attend(now),
+            Self::Tcp(port) => port.handle_timeout(now),
+            Self::Rfc2217(port) => port.handle_timeout(now),
             Self::Tty(_) | Self::Pty(_) => Ok(()),
         }
     }
 
-    /// When [`attend`](Self::attend) wants to be called.
-    pub fn attention(&self) -> Option<Micros> {
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called.
+    pub fn poll_timeout(&self) -> Option<Micros> {
         match self {
-            Self::Tcp(port) => Some(port.attention()),
-            Self::Rfc2217(port) => Some(port.attention()),
+            Self::Tcp(port) => Some(port.poll_timeout()),
+            Self::Rfc2217(port) => Some(port.poll_timeout()),
             Self::Tty(_) | Self::Pty(_) => None,
         }
     }

@@ -83,7 +83,7 @@ impl TcpPort {
     }
 
     /// Looks now and then whether the server still answers.
-    pub fn attend(&mut self, now: Micros) -> Result<(), PortError> {
+    pub fn handle_timeout(&mut self, now: Micros) -> Result<(), PortError> {
         if now < self.next_look {
             return Ok(());
         }
@@ -91,8 +91,8 @@ impl TcpPort {
         if self.stream.is_dead() { Err(PortError::Gone(LinkDownReason::Failed)) } else { Ok(()) }
     }
 
-    /// When [`attend`](Self::attend) wants to be called.
-    pub fn attention(&self) -> Micros {
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called.
+    pub fn poll_timeout(&self) -> Micros {
         self.next_look
     }
 }

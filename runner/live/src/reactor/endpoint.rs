@@ -48,7 +48,7 @@ pub trait Endpoint: Debug + Send {
     fn ready(&mut self, registry: &Registry, event: &Event, now: Micros);
 
     /// When [`turn`](Self::turn) is to be called next, if nothing comes.
-    fn deadline(&self) -> Option<Micros> {
+    fn poll_timeout(&self) -> Option<Micros> {
         None
     }
 

@@ -186,7 +186,7 @@ impl LaneHost {
     }
 
     /// When a state that was held back may be told.
-    pub(super) fn state_due(&self) -> Option<Micros> {
+    pub(super) fn poll_timeout(&self) -> Option<Micros> {
         self.state.as_ref().map(|_| self.words.next())
     }
 

@@ -3,7 +3,7 @@
 pub use crate::channel::{ChannelError as StationError, Counters, StationOptions};
 
 use softplug_abi::{Action, Failure, Instance, JobId, LinkDownReason, Micros, RequestId};
-use softplug_link::{Job, Link, LinkFault, LinkHost, Successor, Supply, SwapError};
+use softplug_link::{Job, Link, LinkHost, Supply};
 
 use crate::channel::{Channel, ChannelHost, Left, Place, Wants, Work};
 use crate::clock::Clock;
@@ -69,7 +69,7 @@ impl<I: Instance> Station<I> {
 
     /// Gives the settings to the plug-in and opens the link.
     pub fn open(&mut self, host: &mut dyn LinkHost) -> Result<(), StationError<I::Fault>> {
-        self.ask(host, |link, now, host| link.open(now, host))
+        Ok(self.ask(host, |link, now, host| link.open(now, host))??)
     }
 
     /// Begins a job.
@@ -78,7 +78,7 @@ impl<I: Instance> Station<I> {
         job: Job,
         host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
-        self.ask(host, |link, now, host| link.begin_job(now, job, host))
+        Ok(self.ask(host, |link, now, host| link.begin_job(now, job, host))??)
     }
 
     /// Aborts the job, or, with 0, the delivery under way.
@@ -87,25 +87,7 @@ impl<I: Instance> Station<I> {
         job: JobId,
         host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
-        self.ask(host, |link, now, host| link.abort(now, job, host))
-    }
-
-    /// Asks for a pause of the job.
-    pub fn pause(
-        &mut self,
-        job: JobId,
-        host: &mut dyn LinkHost,
-    ) -> Result<(), StationError<I::Fault>> {
-        self.ask(host, |link, now, host| link.pause(now, job, host))
-    }
-
-    /// Ends the pause.
-    pub fn resume(
-        &mut self,
-        job: JobId,
-        host: &mut dyn LinkHost,
-    ) -> Result<(), StationError<I::Fault>> {
-        self.ask(host, |link, now, host| link.resume(now, job, host))
+        Ok(self.ask(host, |link, now, host| link.abort(now, job, host))??)
     }
 
     /// Answers a request: with data, or with why it is refused. One that was
@@ -116,27 +98,21 @@ impl<I: Instance> Station<I> {
         answer: Result<&[u8], Failure>,
         host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
-        self.ask(host, |link, now, host| link.answer(now, request, answer, host))
+        Ok(self.ask(host, |link, now, host| link.answer(now, request, answer, host))??)
     }
 
-    /// Goes on although the partner holds the line.
-    pub fn force_resume(&mut self, host: &mut dyn LinkHost) -> Result<(), StationError<I::Fault>> {
-        self.ask(host, |link, now, host| link.force_resume(now, host))
-    }
-
-    /// Puts another plug-in in the place of the one that runs, with its state: see
-    /// [`Link::swap_to`].
+    /// A request of the host: whatever `act` does with the link, as it is done in a
+    /// reactor's lanes. For a pause, or a plug-in that takes the place of the one that runs.
     ///
     /// # Errors
     /// The port failed. The inner result is that of the link.
-    pub fn swap(
+    pub fn ask<R>(
         &mut self,
-        successor: Successor<I>,
         host: &mut dyn LinkHost,
-    ) -> Result<Result<I, SwapError<I::Fault>>, PortError> {
+        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn LinkHost) -> R,
+    ) -> Result<R, PortError> {
         let now = self.now();
-        self.channel
-            .ask(now, &mut Unwatched(host), |link, now, host| link.swap_to(now, successor, host))
+        self.channel.ask(now, &mut Unwatched(host), act)
     }
 
     /// One turn: what came, what is due, what may leave; then waits until there
@@ -146,9 +122,7 @@ impl<I: Instance> Station<I> {
         until: Micros,
         host: &mut dyn LinkHost,
     ) -> Result<Turn, StationError<I::Fault>> {
-        self.channel.set_readable();
-        let clock = self.poller.clock();
-        let work = self.channel.work(clock, &mut Unwatched(host))?;
+        let work = self.work(host)?;
         if let Some(reason) = self.channel.gone() {
             return Ok(Turn::Gone(reason));
         }
@@ -156,6 +130,20 @@ impl<I: Instance> Station<I> {
             self.wait(until)?;
         }
         Ok(Turn::Live)
+    }
+
+    /// Turn after turn until `until` has come, the port is gone or the host has enough.
+    pub fn turns<H: LinkHost>(
+        &mut self,
+        until: Micros,
+        host: &mut H,
+        has_enough: impl Fn(&H) -> bool,
+    ) -> Result<Turn, StationError<I::Fault>> {
+        let mut turn = Turn::Live;
+        while turn == Turn::Live && self.now() < until && !has_enough(host) {
+            turn = self.turn(until, host)?;
+        }
+        Ok(turn)
     }
 
     /// Lets what was given to the port leave, at most for `patience`, then
@@ -167,21 +155,19 @@ impl<I: Instance> Station<I> {
     ) -> Result<(), StationError<I::Fault>> {
         let until = self.now() + patience;
         while self.now() < until && self.channel.is_settling(self.now()) {
-            self.turn(self.now(), host)?;
-            // Nobody tells when the line has sent all.
-            let look = self.channel.next_look_at_the_line(self.now());
-            self.wait(look.map_or(until, |at| at.min(until)))?;
+            if self.work(host)? == Work::Done {
+                // Nobody tells when the line has sent all.
+                let look = self.channel.next_look_at_the_line(self.now());
+                self.wait(look.map_or(until, |at| at.min(until)))?;
+            }
         }
-        self.ask(host, |link, now, host| link.close(now, host))
+        Ok(self.ask(host, |link, now, host| link.close(now, host))??)
     }
 
-    fn ask(
-        &mut self,
-        host: &mut dyn LinkHost,
-        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn LinkHost) -> Result<(), LinkFault<I::Fault>>,
-    ) -> Result<(), StationError<I::Fault>> {
-        let now = self.now();
-        Ok(self.channel.ask(now, &mut Unwatched(host), act)??)
+    /// What a lane of a reactor does in its turn, too.
+    fn work(&mut self, host: &mut dyn LinkHost) -> Result<Work, StationError<I::Fault>> {
+        self.channel.set_readable();
+        self.channel.work(self.poller.clock(), &mut Unwatched(host))
     }
 
     fn wait(&mut self, until: Micros) -> Result<(), PortError> {

@@ -212,7 +212,7 @@ impl Tap {
 
     /// Lets a port do what it does of its own.
     fn attend(&mut self, side: Side, now: Micros) -> Result<(), PortError> {
-        match self.ports[side.index()].attend(now) {
+        match self.ports[side.index()].handle_timeout(now) {
             Err(PortError::Gone(reason)) => {
                 self.gone.get_or_insert((side, reason));
                 Ok(())
@@ -277,10 +277,10 @@ impl Tap {
             let port = &self.ports[to.index()];
             let waits = way.waits_for_port(now) && !port.is_suspended();
             interests[to.index()].write = waits || port.has_output();
-            if let Some(attention) = port.attention() {
+            if let Some(attention) = port.poll_timeout() {
                 deadline = deadline.min(attention);
             }
-            if let Some(next) = way.next(now) {
+            if let Some(next) = way.poll_timeout(now) {
                 deadline = deadline.min(next);
             }
         }

@@ -145,7 +145,7 @@ impl Way {
     }
 
     /// When to write next, apart from when the port takes bytes again.
-    pub(super) fn next(&self, now: Micros) -> Option<Micros> {
+    pub(super) fn poll_timeout(&self, now: Micros) -> Option<Micros> {
         if self.break_until.is_some() {
             return self.break_until;
         }

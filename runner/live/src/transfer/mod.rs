@@ -16,15 +16,16 @@ pub use serve::{
 pub use source::ReadSeek;
 pub use unasked::Reception;
 
-use softplug_abi::{Failure, Instance, Micros, NoteLevel, RequestId};
+use softplug_abi::{Failure, Instance, JobId, Micros, NoteLevel, RequestId};
 use softplug_link::LinkHost;
 use std::error::Error;
 use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use thiserror::Error;
 
 use crate::error::PortError;
-use crate::station::{Station, StationError};
+use crate::station::{Station, StationError, Turn};
 
 /// How often progress is told and a stop is looked for.
 const TICK: Micros = Micros::from_millis(100);
@@ -88,6 +89,23 @@ fn refuse_all<I: Instance>(
 ) -> Result<(), TransferError<I::Fault>> {
     for request in requests {
         station.answer(RequestId(*request), Err(Failure::NotSupported), host)?;
+    }
+    Ok(())
+}
+
+/// A delivery that is under way besides when a transfer ends is waited for, unless `stop`.
+fn take_the_rest<I: Instance, H: LinkHost>(
+    station: &mut Station<I>,
+    host: &mut H,
+    is_taking: impl Fn(&H) -> bool,
+    stop: &AtomicBool,
+) -> Result<(), TransferError<I::Fault>> {
+    let mut turn = Turn::Live;
+    while turn == Turn::Live && is_taking(host) && !stop.load(Ordering::Relaxed) {
+        turn = station.turn(station.now() + TICK, host)?;
+    }
+    if is_taking(host) {
+        station.abort(JobId::NONE, host)?;
     }
     Ok(())
 }

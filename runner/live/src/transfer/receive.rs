@@ -7,7 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::unasked::{Reception, Unasked};
-use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all};
+use super::{
+    Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all, take_the_rest,
+};
 use crate::station::{Station, Turn};
 use crate::store::Inbox;
 
@@ -104,28 +106,17 @@ pub fn receive<I: Instance>(
             None => (now + TICK).min(give_up_at),
             Some(_) => now + TICK,
         };
-        while catch.is_waiting() && station.now() < until {
-            let turn = station.turn(until, &mut catch)?;
-            if let Turn::Gone(reason) = turn {
-                tracing::debug!(%reason, "the port is gone");
-                let failure = Failure::LinkDown;
-                catch.outcome.get_or_insert(ReceiveOutcome::Failed { failure, status: 0 });
-            }
+        if let Turn::Gone(reason) = station.turns(until, &mut catch, Catch::has_work)? {
+            tracing::debug!(%reason, "the port is gone");
+            let failure = Failure::LinkDown;
+            catch.outcome.get_or_insert(ReceiveOutcome::Failed { failure, status: 0 });
         }
         let requests = std::mem::take(&mut catch.requests);
         refuse_all(&requests, station, &mut catch)?;
     }
     let now = station.now();
     let (elapsed, held) = (duration(catch.elapsed(now)), duration(catch.held_at(now)));
-    while catch.unasked.is_taking() && !stop.load(Ordering::Relaxed) {
-        let until = station.now() + TICK;
-        if let Turn::Gone(_) = station.turn(until, &mut catch)? {
-            break;
-        }
-    }
-    if catch.unasked.is_taking() {
-        station.abort(JobId::NONE, &mut catch)?;
-    }
+    take_the_rest(station, &mut catch, |catch| catch.unasked.is_taking(), stop)?;
     let heard = station.counters().bytes_in;
     station.close(PATIENCE, &mut catch)?;
     catch.unasked.close();
@@ -158,7 +149,7 @@ fn tell_the_partner<I: Instance>(
     let before = station.counters().bytes_out;
     while station.now() < until
         && station.counters().bytes_out == before
-        && station.link().next_timer().is_some()
+        && station.link().poll_timeout().is_some()
     {
         let turn = station.turn((station.now() + TICK).min(until), host)?;
         if let Turn::Gone(_) = turn {
@@ -205,8 +196,8 @@ impl<'a, W: Write> Catch<'a, W> {
         }
     }
 
-    fn is_waiting(&self) -> bool {
-        self.outcome.is_none() && self.error.is_none() && self.requests.is_empty()
+    fn has_work(&self) -> bool {
+        self.outcome.is_some() || self.error.is_some() || !self.requests.is_empty()
     }
 
     fn elapsed(&self, now: Micros) -> Micros {

@@ -8,7 +8,9 @@ use std::time::Duration;
 
 use super::source::Source;
 use super::unasked::{Reception, Unasked};
-use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all};
+use super::{
+    Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all, take_the_rest,
+};
 use crate::channel::Left;
 use crate::station::{Station, Turn};
 use crate::store::Inbox;
@@ -58,12 +60,20 @@ pub enum SendOutcome {
 }
 
 impl SendOutcome {
-    /// A job that the plug-in ended.
-    pub(super) fn failed(failure: Failure, status: u16) -> Self {
-        match failure {
-            Failure::Aborted => Self::Aborted,
-            failure => Self::Failed { failure, status },
-        }
+    /// How this action of the plug-in ends a job, and the bytes that left for it; `None`: it
+    /// ends none.
+    pub(super) fn of(action: &Action<'_>) -> Option<(Self, u64)> {
+        Some(match *action {
+            Action::JobDone { sent, .. } => (Self::Done, sent),
+            Action::JobFailed { failure: Failure::Aborted, sent, .. } => (Self::Aborted, sent),
+            Action::JobFailed { failure, status, sent, .. } => {
+                (Self::Failed { failure, status }, sent)
+            }
+            Action::CheckResult { failure: Some(failure), status, line, column, .. } => {
+                (Self::CheckFailed { failure, status, line, column }, 0)
+            }
+            _ => return None,
+        })
     }
 }
 
@@ -166,31 +176,20 @@ pub fn ask<I: Instance>(
             state: &feed.state,
         });
         let until = station.now() + TICK;
-        while feed.outcome.is_none()
-            && !feed.has_error()
-            && feed.requests.is_empty()
-            && station.now() < until
-        {
-            let turn = station.turn(until, &mut feed)?;
-            if matches!(turn, Turn::Gone(_)) && feed.outcome.is_none() {
-                // The plug-in was told and did not end the job.
-                feed.outcome = Some(SendOutcome::Failed { failure: Failure::LinkDown, status: 0 });
-            }
+        let has_work = |feed: &Feed<'_, _, _>| {
+            feed.outcome.is_some() || feed.has_error() || !feed.requests.is_empty()
+        };
+        if let Turn::Gone(_) = station.turns(until, &mut feed, has_work)? {
+            // Unless the plug-in, which was told, has ended the job.
+            let gone = SendOutcome::Failed { failure: Failure::LinkDown, status: 0 };
+            feed.outcome.get_or_insert(gone);
         }
         let requests = std::mem::take(&mut feed.requests);
         refuse_all(&requests, station, &mut feed)?;
     }
     let elapsed = duration(station.now() - begin);
     let counters = station.counters();
-    while feed.unasked.is_taking() && !stop.load(Ordering::Relaxed) {
-        let until = station.now() + TICK;
-        if let Turn::Gone(_) = station.turn(until, &mut feed)? {
-            break;
-        }
-    }
-    if feed.unasked.is_taking() {
-        station.abort(JobId::NONE, &mut feed)?;
-    }
+    take_the_rest(station, &mut feed, |feed| feed.unasked.is_taking(), stop)?;
     station.close(PATIENCE, &mut feed)?;
     feed.unasked.close();
     if feed.answer_error.is_none() {
@@ -283,17 +282,10 @@ impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
 impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         match action {
-            Action::JobDone { sent, .. } => {
-                self.sent = *sent;
-                self.outcome = Some(SendOutcome::Done);
-            }
-            Action::JobFailed { failure, status, sent, .. } => {
-                self.sent = *sent;
-                self.outcome = Some(SendOutcome::failed(*failure, *status));
-            }
-            Action::CheckResult { failure: Some(failure), status, line, column, .. } => {
-                let (failure, status, line, column) = (*failure, *status, *line, *column);
-                self.outcome = Some(SendOutcome::CheckFailed { failure, status, line, column });
+            Action::JobDone { .. } | Action::JobFailed { .. } | Action::CheckResult { .. } => {
+                if let Some((outcome, sent)) = SendOutcome::of(action) {
+                    (self.outcome, self.sent) = (Some(outcome), sent);
+                }
             }
             Action::DeliveryBegin { job, .. } => {
                 self.is_answer = *job == JobId(JOB);
@@ -324,7 +316,6 @@ impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
             | Action::Want { .. }
             | Action::DeliveryName { .. }
             | Action::DeliveryEnd { .. }
-            | Action::CheckResult { .. }
             | Action::Withdraw { .. }
             | Action::Saved { .. } => {}
         }

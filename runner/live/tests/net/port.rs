@@ -74,7 +74,7 @@ pub(crate) fn serve_or_lose(
         let ready = poller.wait(Some(&port.fd()), interest, Some(NEVER)).unwrap();
         assert!(!ready.timer, "nothing follows {heard:?}");
         if ready.writable {
-            port.attend(Micros(0)).unwrap();
+            port.handle_timeout(Micros(0)).unwrap();
         }
     }
 }

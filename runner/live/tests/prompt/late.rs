@@ -176,7 +176,7 @@ impl Link {
         loop {
             assert!(Instant::now() < end, "it does not wait");
             let wants = self.channel.wants(self.clock.now());
-            match self.channel.link().next_timer() {
+            match self.channel.link().poll_timeout() {
                 Some(timer) if wants.deadline == Some(timer) && wants.write_on.is_none() => {
                     return timer;
                 }

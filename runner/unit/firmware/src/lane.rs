@@ -106,7 +106,7 @@ impl<C: AsRef<[u8]>> Lane<C> {
         let now = board.now();
         self.hear(board, now, host, counters)?;
         self.tell_left(now);
-        self.link.run(now, host)?;
+        self.link.handle_timeout(now, host)?;
         for request in core::mem::take(&mut host.refused) {
             self.link.answer(now, request, Err(Failure::TooLong), host)?;
         }
@@ -192,7 +192,7 @@ impl<C: AsRef<[u8]>> Lane<C> {
             }
             self.tell_left(now);
             if self.link.has_reports() {
-                self.link.run(now, host)?;
+                self.link.handle_timeout(now, host)?;
             }
         }
         Ok(())

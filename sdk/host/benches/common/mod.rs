@@ -4,7 +4,7 @@
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Event, EventKind, Instance, JobId, LineParameters, Micros, Output};
 use softplug_host::{Host, HostOptions, Plugin};
-use softplug_link::{Job, LinkHost, LinkOptions, Supply, VirtualLine};
+use softplug_link::{Job, LinkHost, LinkOptions, Supply, VirtualLine, WireHost};
 use softplug_native::{NativeInstance, NativePlugin};
 use std::path::{Path, PathBuf};
 
@@ -208,7 +208,7 @@ impl Bench {
         };
         let now = self.line.link.now();
         self.line.link.begin_job(now, job, &mut self.far).expect("it takes a job");
-        self.line.tick(now, &mut self.far).expect("it goes on");
+        self.line.transmit(now, &mut self.far).expect("it goes on");
     }
 
     /// In pieces, at the line's rate.
@@ -217,7 +217,7 @@ impl Bench {
             self.wait(self.parameters.characters(piece.len() as u64));
             let now = self.line.link.now();
             self.line.link.received(now, piece, &mut self.far).expect("it takes bytes");
-            self.line.tick(now, &mut self.far).expect("it goes on");
+            self.line.transmit(now, &mut self.far).expect("it goes on");
         }
     }
 
@@ -272,7 +272,9 @@ impl LinkHost for Far {
     fn drained(&mut self) -> u32 {
         std::mem::take(&mut self.drained)
     }
+}
 
+impl WireHost for Far {
     fn off_wire(&mut self, _end: Micros, byte: u8) {
         self.sent += 1;
         self.heard.push(byte);

@@ -31,7 +31,7 @@ impl<I: Instance> Link<I> {
         self.open(now, host)?;
         if let Some(reason) = down {
             self.link_down(now, reason, host)?;
-            self.run(now, host)?;
+            self.handle_timeout(now, host)?;
         }
         Ok(old)
     }

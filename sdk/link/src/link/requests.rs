@@ -23,7 +23,7 @@ impl<I: Instance> Link<I> {
         job: Job,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, host)?;
+        self.handle_timeout(now, host)?;
         self.steps = 0;
         let too_long = is_too_long(&job.fields, self.instance.input_capacity());
         let failure = match &self.core.job {
@@ -38,7 +38,7 @@ impl<I: Instance> Link<I> {
         self.core.job = Some(ActiveJob::new(job));
         self.core.fed.begin();
         self.begin_event(host)?;
-        self.run(now, host)
+        self.handle_timeout(now, host)
     }
 
     pub(crate) fn begin_event(
@@ -90,13 +90,13 @@ impl<I: Instance> Link<I> {
         event: &Event<'_>,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, host)?;
+        self.handle_timeout(now, host)?;
         self.steps = 0;
         if job != JobId::NONE && self.job() != Some(job) {
             return Ok(());
         }
         self.step(event, host)?;
-        self.run(now, host)
+        self.handle_timeout(now, host)
     }
 
     /// Goes on although the partner holds the line.
@@ -105,10 +105,10 @@ impl<I: Instance> Link<I> {
         now: Micros,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, host)?;
+        self.handle_timeout(now, host)?;
         self.steps = 0;
         self.step(&Event::ForceResume, host)?;
-        self.run(now, host)
+        self.handle_timeout(now, host)
     }
 
     /// Answers a request: with data, or with why it is refused. An answer to a
@@ -120,7 +120,7 @@ impl<I: Instance> Link<I> {
         answer: Result<&[u8], Failure>,
         host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, host)?;
+        self.handle_timeout(now, host)?;
         self.steps = 0;
         let (refused, bytes) = match answer {
             Ok(bytes) => (None, bytes),
@@ -137,7 +137,7 @@ impl<I: Instance> Link<I> {
                 self.give_due(host)?;
             }
             if !more {
-                return self.run(now, host);
+                return self.handle_timeout(now, host);
             }
         }
     }

@@ -68,7 +68,7 @@ impl<I: Instance> Link<I> {
         if self.has_ended() {
             return Err(LinkFault::Ended);
         }
-        self.run(now, host)?;
+        self.handle_timeout(now, host)?;
         if let Some(probation) = &self.probation {
             return Ok(Some(probation.state().clone()));
         }

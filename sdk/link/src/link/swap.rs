@@ -217,7 +217,7 @@ impl<I: Instance> Link<I> {
         let old = self.seat(successor, settings, &answer, whole, host);
         self.probation = probation;
         let told = self.tell_modem_lines(host);
-        told.and_then(|()| self.run(self.now(), host)).map_err(SwapError::Failed)?;
+        told.and_then(|()| self.handle_timeout(self.now(), host)).map_err(SwapError::Failed)?;
         Ok(old)
     }
 }

@@ -68,7 +68,7 @@ impl Rig {
         for piece in pieces {
             self.line.link.received(Micros(at), piece, &mut self.out)?;
         }
-        self.line.tick(Micros(at), &mut self.out)
+        self.line.transmit(Micros(at), &mut self.out)
     }
 
     /// A call on the link at `at`, after what is due then.
@@ -103,7 +103,7 @@ impl Rig {
     }
 
     pub(crate) fn tick(&mut self, at: i64) {
-        self.line.tick(Micros(at), &mut self.out).expect("nothing goes wrong by itself");
+        self.line.transmit(Micros(at), &mut self.out).expect("nothing goes wrong by itself");
     }
 
     /// What the plug-in was given since the last look, without the cues.

@@ -46,9 +46,9 @@ fn left_maybe_never_late() {
     let (mut link, script, mut out) = bare(&[Action::Transmit { mark: MarkId(3), bytes: b"AB" }]);
     assert_eq!(link.take(&mut [0; 2]), Taken::Bytes(2));
     link.left(1, 0);
-    link.run(Micros(500), &mut out).unwrap();
+    link.handle_timeout(Micros(500), &mut out).unwrap();
     link.left(2, 1);
-    link.run(Micros(501), &mut out).unwrap();
+    link.handle_timeout(Micros(501), &mut out).unwrap();
     let expected = [(500, "transmit-room 2"), (501, "mark 3 maybe-left")];
     assert_eq!(script.take(), expected.map(|(at, event)| (at, event.to_owned())));
 }
@@ -62,7 +62,7 @@ fn left_surely_never_early() {
     let (mut link, script, mut out) = bare(&transmit);
     // What the port was not given cannot have left.
     link.left(3, 3);
-    link.run(Micros(1), &mut out).unwrap();
+    link.handle_timeout(Micros(1), &mut out).unwrap();
     assert_eq!(told(&script), Vec::<String>::new());
 
     assert_eq!(link.take(&mut [0; 8]), Taken::Bytes(3));
@@ -78,7 +78,7 @@ fn left_surely_never_early() {
     ];
     for (at, (maybe, surely, mut expected)) in steps.into_iter().enumerate() {
         link.left(maybe, surely);
-        link.run(Micros(10 + at as i64), &mut out).unwrap();
+        link.handle_timeout(Micros(10 + at as i64), &mut out).unwrap();
         let mut told = told(&script);
         told.sort();
         expected.sort_unstable();
@@ -100,7 +100,7 @@ fn left_before_later_bytes() {
     // Also where nobody ran the link in between.
     let (mut link, script, mut out) = bare(&[Action::Transmit { mark: MarkId(1), bytes: b"A" }]);
     link.take(&mut [0; 1]);
-    link.run(Micros(0), &mut out).unwrap();
+    link.handle_timeout(Micros(0), &mut out).unwrap();
     script.take();
     link.left(1, 1);
     link.received(Micros(2_000), b"x", &mut out).unwrap();

@@ -170,7 +170,7 @@ fn relayed(most: usize) -> Vec<(Micros, Observed)> {
         for piece in bytes.chunks(most) {
             line.link.received(Micros(at), piece, &mut out).unwrap();
         }
-        line.tick(Micros(at), &mut out).unwrap();
+        line.transmit(Micros(at), &mut out).unwrap();
     }
     line.run_until(Micros(100_000), &mut out).unwrap();
     line.link.close(Micros(100_000), &mut out).unwrap();
@@ -193,7 +193,7 @@ fn cuts_one_time() {
     script.take();
     link.received(Micros(10), b"a", &mut out).unwrap();
     link.received(Micros(11), b"b", &mut out).unwrap();
-    link.run(Micros(11), &mut out).unwrap();
+    link.handle_timeout(Micros(11), &mut out).unwrap();
     let expected = [(10, "received \"a\""), (11, "received \"b\"")];
     assert_eq!(script.take(), expected.map(|(at, event)| (at, event.to_owned())));
 

@@ -37,7 +37,7 @@ fn swap_quiet() {
     let (mut out, mut link) = (Recorder::default(), Link::new(script.plugin(), rooms(64, 64)));
     link.open(Micros::ZERO, &mut out).unwrap();
     link.take(&mut [0; 1]);
-    link.run(Micros::ZERO, &mut out).unwrap();
+    link.handle_timeout(Micros::ZERO, &mut out).unwrap();
     script.take();
 
     // All of this instant is pending when the swap is asked for.
@@ -134,13 +134,13 @@ fn swap_link_keeps() {
         ],
     );
     link.received(Micros(50), b"Q", &mut out).unwrap();
-    link.run(Micros(50), &mut out).unwrap();
+    link.handle_timeout(Micros(50), &mut out).unwrap();
     let mut buffer = [0; 5];
     assert_eq!(link.take(&mut buffer), softplug_link::Taken::Bytes(5));
     assert_eq!(&buffer, b"BCDEF");
     link.left(6, 6);
     next.once("mark 1 surely-left", &[Action::JobDone { job: JobId(1), sent: 6 }]);
-    link.run(Micros(60), &mut out).unwrap();
+    link.handle_timeout(Micros(60), &mut out).unwrap();
     let told = told(&next);
     let wanted = [
         "answer 7 refused denied more=false \"\"",

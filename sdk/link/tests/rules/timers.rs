@@ -49,7 +49,7 @@ fn timers_order() {
     let mut rig = Rig::new(rooms(64, 64), 1);
     rig.does(0, &[set(2, 500), set(9, 400), set(1, 500), set(0, 501), set(15, 400)]);
     // Late: all are due at one instant.
-    rig.line.link.run(Micros(600), &mut rig.out).unwrap();
+    rig.line.link.handle_timeout(Micros(600), &mut rig.out).unwrap();
     assert_given!(
         rig,
         [
@@ -118,7 +118,7 @@ fn clock_from_open() {
     rig.script.once("timer 1", &[]);
     rig.script.once("received \"c\"", &[set(1, 400)]);
     rig.line.link.received(Micros(500), b"c", &mut rig.out).unwrap();
-    rig.line.link.run(Micros(499), &mut rig.out).unwrap();
+    rig.line.link.handle_timeout(Micros(499), &mut rig.out).unwrap();
     assert_eq!(rig.line.link.now(), Micros(500));
     assert_given!(
         rig,

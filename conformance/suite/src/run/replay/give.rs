@@ -54,7 +54,7 @@ impl<S: Subject> Run<'_, S> {
             Asked::ForceResume => link.force_resume(now, recorder),
             Asked::Room(bytes) => {
                 recorder.drain(*bytes);
-                link.run(now, recorder)
+                link.handle_timeout(now, recorder)
             }
             Asked::Drain(Drain::Off) => {
                 self.keeps_deliveries = true;
@@ -65,7 +65,7 @@ impl<S: Subject> Run<'_, S> {
                 self.keeps_deliveries = false;
                 recorder.drain_by_hand = is_dripping;
                 recorder.drain(u32::MAX);
-                link.run(now, recorder)
+                link.handle_timeout(now, recorder)
             }
             Asked::Answer(request, answer) => {
                 let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);

@@ -312,7 +312,7 @@ impl<'a, S: Subject> Run<'a, S> {
         let mut next = 0;
         loop {
             let at = given.get(next).map(|given| self.offset + given.at);
-            let own = self.line.next().map(|own| own.max(self.line.link.now()));
+            let own = self.line.poll_timeout().map(|own| own.max(self.line.link.now()));
             let Some(now) = [at, own].into_iter().flatten().min().filter(|now| *now <= end) else {
                 return Ok(());
             };
@@ -326,7 +326,7 @@ impl<'a, S: Subject> Run<'a, S> {
 
     /// Nothing comes until then.
     fn wait_until(&mut self, until: Micros) -> Result<(), Fault> {
-        while let Some(next) = self.line.next().filter(|next| *next < until) {
+        while let Some(next) = self.line.poll_timeout().filter(|next| *next < until) {
             self.instant(next.max(self.line.link.now()), &[], &[])?;
         }
         Ok(())
@@ -370,7 +370,7 @@ impl<'a, S: Subject> Run<'a, S> {
     }
 
     fn advance(&mut self, now: Micros) -> Result<(), Fault> {
-        let advanced = self.line.advance(now, &mut self.recorder);
+        let advanced = self.line.handle_timeout(now, &mut self.recorder);
         self.judged(now, advanced)
     }
 
@@ -420,7 +420,7 @@ impl<'a, S: Subject> Run<'a, S> {
         let mut now = self.offset + end + Micros(1);
         self.recorder.drain(u32::MAX);
         self.close(now)?;
-        while let Some(next) = self.line.next() {
+        while let Some(next) = self.line.poll_timeout() {
             now = now.max(next);
             self.advance(now)?;
         }

@@ -58,7 +58,7 @@ impl Liveness {
     }
 
     /// When to look next.
-    pub(super) fn next(&self) -> Micros {
+    pub(super) fn poll_timeout(&self) -> Micros {
         self.next
     }
 
@@ -99,7 +99,7 @@ mod tests {
 
     /// Looks every 5 s; gives what the looks said, Fine left out.
     fn looks(liveness: &mut Liveness, rates: u64, count: u32) -> Vec<Look> {
-        let looks = (0..count).map(|_| liveness.look(liveness.next(), rates, true));
+        let looks = (0..count).map(|_| liveness.look(liveness.poll_timeout(), rates, true));
         looks.filter(|look| *look != Look::Fine).collect()
     }
 

@@ -194,7 +194,7 @@ impl Rfc2217Port {
 
     /// Lets wait what waits for room, and asks now and then whether the server
     /// still lives.
-    pub fn attend(&mut self, now: Micros) -> Result<(), PortError> {
+    pub fn handle_timeout(&mut self, now: Micros) -> Result<(), PortError> {
         self.flush()?;
         let is_idle = self.session.waiting() == 0;
         match self.liveness.look(now, self.session.rates(), is_idle) {
@@ -208,9 +208,9 @@ impl Rfc2217Port {
         if self.stream.is_dead() { Err(PortError::Gone(LinkDownReason::Failed)) } else { Ok(()) }
     }
 
-    /// When [`attend`](Self::attend) wants to be called.
-    pub fn attention(&self) -> Micros {
-        self.liveness.next()
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called.
+    pub fn poll_timeout(&self) -> Micros {
+        self.liveness.poll_timeout()
     }
 
     /// Whether answers wait for room: then wait for room, too.

@@ -319,14 +319,8 @@ impl<D: ServeHandler> LinkHost for ServeHost<'_, D> {
                 let ended = self.handler.end(&Delivered { name: delivery.name, failure, elapsed });
                 self.try_handler(ended);
             }
-            Action::JobDone { sent, .. } => self.job_end = Some((SendOutcome::Done, *sent)),
-            Action::JobFailed { failure, status, sent, .. } => {
-                self.job_end = Some((SendOutcome::failed(*failure, *status), *sent));
-            }
-            Action::CheckResult { failure: Some(failure), status, line, column, .. } => {
-                let (failure, status, line, column) = (*failure, *status, *line, *column);
-                let outcome = SendOutcome::CheckFailed { failure, status, line, column };
-                self.job_end = Some((outcome, 0));
+            Action::JobDone { .. } | Action::JobFailed { .. } | Action::CheckResult { .. } => {
+                self.job_end = SendOutcome::of(action).or(self.job_end);
             }
             Action::Request { request, kind, fields } => {
                 self.moved_at = now;
@@ -348,7 +342,6 @@ impl<D: ServeHandler> LinkHost for ServeHost<'_, D> {
             | Action::ModemLines { .. }
             | Action::Break { .. }
             | Action::Want { .. }
-            | Action::CheckResult { .. }
             | Action::Saved { .. } => {}
         }
     }

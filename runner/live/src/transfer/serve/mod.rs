@@ -94,17 +94,10 @@ pub fn serve<I: Instance>(
             is_held: counters.is_held(),
             state: host.state(),
         });
-        let until = now + TICK;
-        let mut is_gone = false;
-        while station.now() < until && !host.has_work() {
-            if let Turn::Gone(reason) = station.turn(until, &mut host)? {
-                tracing::debug!(%reason, "the port is gone");
-                is_gone = true;
-                break;
-            }
-        }
+        let turn = station.turns(now + TICK, &mut host, ServeHost::has_work)?;
         host.attend(station)?;
-        if is_gone {
+        if let Turn::Gone(reason) = turn {
+            tracing::debug!(%reason, "the port is gone");
             break ServeEnd::Gone;
         }
     };

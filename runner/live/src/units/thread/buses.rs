@@ -73,7 +73,7 @@ impl Buses {
         self.driven.retain(|driven| driven.is_wanted || driven.lanes().next().is_some());
     }
 
-    pub(super) fn due(&self) -> Option<Micros> {
+    pub(super) fn poll_timeout(&self) -> Option<Micros> {
         self.driven.iter().filter_map(|driven| driven.due).min()
     }
 

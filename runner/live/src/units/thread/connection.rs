@@ -71,8 +71,8 @@ impl Connection {
         self.lanes.is_empty()
     }
 
-    pub(super) fn due(&self) -> Option<Micros> {
-        let lanes = self.lanes.iter().filter_map(UnitLane::due);
+    pub(super) fn poll_timeout(&self) -> Option<Micros> {
+        let lanes = self.lanes.iter().filter_map(UnitLane::poll_timeout);
         lanes.chain(self.at).chain(self.session.poll_timeout()).min()
     }
 

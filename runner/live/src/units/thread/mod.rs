@@ -134,9 +134,9 @@ impl Driver {
     }
 
     fn patience(&self) -> Option<Duration> {
-        let due = self.connections.iter().flatten().filter_map(Connection::due);
+        let due = self.connections.iter().flatten().filter_map(Connection::poll_timeout);
         let show = self.shown_at.filter(|_| self.is_news).map(|at| at + SHOWN);
-        let due = due.chain(self.buses.due()).chain(show).min()?;
+        let due = due.chain(self.buses.poll_timeout()).chain(show).min()?;
         let wait = due - self.thread.clock.now();
         Some(Duration::from_micros(wait.max(Micros::ZERO).0 as u64))
     }

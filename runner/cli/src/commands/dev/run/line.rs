@@ -106,7 +106,9 @@ impl<'a> Line<'a> {
                 accepts: plugin.manifest().accepts_of(running.manifest()).to_vec(),
                 spare: None,
             };
-            match station.swap(successor, &mut self.host)? {
+            let swapped =
+                station.ask(&mut self.host, |link, now, host| link.swap_to(now, successor, host));
+            match swapped? {
                 Ok(_) => {
                     self.host.plugin = Some(plugin.clone());
                     return Ok("with its state");

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, LineParameters, Micros, ModemLines, NoteLevel};
 use softplug_conformance::{bad_kind, line_error, modem_lines};
-use softplug_link::{LinkFault, LinkHost, LinkOptions, VirtualLine};
+use softplug_link::{LinkFault, LinkHost, LinkOptions, VirtualLine, WireHost};
 use softplug_trace::{LineEvent, ModemLevels};
 
 use super::story::{Character, Happening};
@@ -186,7 +186,7 @@ impl Rehearsal {
     fn tick(&mut self, at: Micros) {
         if !self.has_ended {
             let at = at.max(self.line.link.now());
-            let ticked = self.line.tick(at, &mut self.watcher);
+            let ticked = self.line.transmit(at, &mut self.watcher);
             self.look(ticked);
         }
     }
@@ -275,7 +275,9 @@ impl LinkHost for Watcher {
     fn drained(&mut self) -> u32 {
         std::mem::take(&mut self.waiting)
     }
+}
 
+impl WireHost for Watcher {
     fn on_wire(&mut self, start: Micros, byte: u8) {
         if self.bytes.len() < KEPT {
             self.bytes.push((start, byte));

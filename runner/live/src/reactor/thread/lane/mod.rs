@@ -329,14 +329,14 @@ impl<I: LaneInstance> Lane<I> {
             line_free = waits_for_the_line.then(|| channel.next_look_at_the_line(now)).flatten();
         }
         self.want_write(thread, wants.write);
-        let endpoint = self.host.endpoint.as_ref().and_then(|lane| lane.endpoint.deadline());
+        let endpoint = self.host.endpoint.as_ref().and_then(|lane| lane.endpoint.poll_timeout());
         self.next_other = [
             wants.deadline,
             line_free,
             endpoint,
             self.port.retry_at,
-            self.watching.next(),
-            self.host.state_due(),
+            self.watching.poll_timeout(),
+            self.host.poll_timeout(),
             self.closing_until,
             self.swap_deadline(now),
             self.host.job.as_ref().map(|_| self.shown_at + SHOWN_EVERY),

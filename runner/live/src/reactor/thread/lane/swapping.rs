@@ -202,7 +202,7 @@ impl<I: LaneInstance> Lane<I> {
         let now = self.clock.now();
         let Phase::Open(channel) = &self.phase else { return false };
         let link = channel.link();
-        let is_quiet = link.next_timer().is_none() || now >= self.swapping.quiet.1 + QUIET;
+        let is_quiet = link.poll_timeout().is_none() || now >= self.swapping.quiet.1 + QUIET;
         if self.is_faulted || !link.is_idle() || channel.is_sending(now) || !is_quiet {
             return false;
         }

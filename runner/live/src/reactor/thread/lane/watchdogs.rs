@@ -39,7 +39,7 @@ impl Watching {
     }
 
     /// When the next one strikes.
-    pub(super) fn next(&self) -> Option<Micros> {
+    pub(super) fn poll_timeout(&self) -> Option<Micros> {
         self.dogs.iter().filter_map(Dog::strikes_at).min()
     }
 

@@ -129,7 +129,7 @@ impl UnitLane {
         self.number == Some(number)
     }
 
-    pub(super) fn due(&self) -> Option<Micros> {
+    pub(super) fn poll_timeout(&self) -> Option<Micros> {
         let again_at = self.again_at.filter(|_| self.number.is_some());
         again_at.into_iter().chain(self.closing_until).min()
     }

@@ -124,7 +124,7 @@ pub(super) fn sent_natively(name: &str, program: &[u8]) -> Vec<u8> {
     let size = Some(program.len() as u64);
     let job = Job { id: JobId(7), kind: 0, size, fields: Vec::new(), check: false };
     line.link.begin_job(Micros(2_000), job, &mut host).unwrap();
-    line.tick(Micros(2_000), &mut host).unwrap();
+    line.transmit(Micros(2_000), &mut host).unwrap();
     line.run_until(Micros::from_secs(60), &mut host).unwrap();
     host.sent()
 }
