@@ -10,12 +10,16 @@ use softplug_plugin::{Context, Failure, ValueWriter, Values};
 const FIELD: usize = 112;
 
 impl Kermit {
-    /// R: the machine asks for a file. What it asks again meanwhile is the same.
+    /// R: the machine asks for a file. The same one again changes nothing; for another one it
+    /// has given up the first.
     pub(crate) fn asked(&mut self, link: &mut Context<'_>, number: u8) {
-        if self.is_asking || self.timers.is_set(Timer::Begin) {
+        let (name, length) = title(self.terms.theirs, self.reader.data());
+        let name = name.get(..length).unwrap_or_default();
+        let is_same = self.is_asking && self.asked_for.as_slice() == name;
+        if is_same || self.timers.is_set(Timer::Begin) {
             return;
         }
-        let (name, length) = title(self.terms.theirs, self.reader.data());
+        self.withdraw(link);
         if length == 0 {
             self.say_plainly(link, number, b"A name is needed");
             return;
@@ -23,7 +27,9 @@ impl Kermit {
         let mut buffer = [0; FIELD];
         let mut fields = ValueWriter::new(&mut buffer);
         // It fits: a name has at most 94 characters.
-        let _ = fields.push_ascii(0, name.get(..length).unwrap_or_default());
+        let _ = fields.push_ascii(0, name);
+        self.asked_for.clear();
+        self.asked_for.extend(name);
         self.request = self.request.next();
         self.is_asking = true;
         link.request(self.request, 0, Values::new(fields.written()));

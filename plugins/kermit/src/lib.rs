@@ -19,9 +19,9 @@ mod terms;
 pub use settings::{EighthBit, Mode, Settings};
 
 use packet::{Heard, Reader};
-use receiver::Receiver;
+use receiver::{Receiver, TITLE};
 use sender::Sender;
-use softplug_plugin::parts::{Answers, StateName, TimerName, Timers};
+use softplug_plugin::parts::{Answers, Block, StateName, TimerName, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobId, JobStart, LineErrorKind, LinkDownReason, MarkId, MarkState,
     Micros, NoteLevel, Opening, RequestId, State, Unread, parts, state_format, timers,
@@ -63,6 +63,8 @@ pub struct Kermit {
     /// The latest request, and whether the host has not answered it.
     request: RequestId,
     is_asking: bool,
+    /// What it asks for.
+    asked_for: Block<TITLE>,
     /// The host takes deliveries: it has told of room for them.
     takes: bool,
     /// A character of the line has fewer than eight bits.
@@ -92,6 +94,7 @@ impl Converter for Kermit {
             receiver: Receiver::new(),
             request: RequestId::NONE,
             is_asking: false,
+            asked_for: Block::new(),
             takes: true,
             is_narrow: false,
             name: StateName::new(),
@@ -268,7 +271,7 @@ impl Converter for Kermit {
         self.name.tell(link, name);
     }
 
-    state_format!(1);
+    state_format!(2);
 }
 
 impl Kermit {

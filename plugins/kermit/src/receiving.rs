@@ -69,6 +69,11 @@ impl Kermit {
     /// I: what a machine says of itself before it asks for something.
     fn exchange(&mut self, link: &mut Context<'_>, number: u8) {
         let (terms, reply) = self.reply();
+        if self.settings.crc_only && terms.check < 3 {
+            self.terms = Terms::usual();
+            self.say(link, b'E', number, b"CRC is needed");
+            return;
+        }
         self.terms = Terms { check: 1, ..terms };
         self.say(link, b'Y', number, &reply);
     }

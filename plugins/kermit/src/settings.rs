@@ -47,6 +47,6 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"{"name":"name","type":"text","text":"Its name."}]}],"#,
         r#""profiles":[{"name":"kermit","features":[]}],"#,
         r#""needs":{"line_errors":"used"},"#,
-        r#""state":{"saves":1,"accepts":[1]},"line":"8N1""#,
+        r#""state":{"saves":2,"accepts":[2]},"line":"8N1""#,
     ),
 };

@@ -16,6 +16,7 @@ const PIECE: usize = 64;
 pub(crate) struct Receiver {
     pub(crate) reader: Reader,
     delivery: DeliveryId,
+    /// Since the last transfer.
     calls: u32,
     /// How often in a row something was refused.
     refusals: u32,
@@ -79,6 +80,11 @@ impl Receiver {
             Mode::Auto => turn < CALLS,
         };
         self.same_call()
+    }
+
+    /// Whether a block can answer a call: there was one since the last transfer.
+    pub(crate) fn has_called(&self) -> bool {
+        self.calls > 0
     }
 
     /// The call that was said last.

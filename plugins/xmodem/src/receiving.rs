@@ -14,13 +14,17 @@ impl Xmodem {
                 self.answers.say(link, &[ACK]);
                 self.rest(link);
             }
+            // It answers our call, though a job has come meanwhile.
+            (Stage::Idle, SOH | STX) if self.receiver.has_called() => self.begin_block(link, byte),
+            // Nobody has asked for it: what is in it is no call either.
+            (Stage::Idle, SOH | STX) if self.sender.is_waiting() => {
+                self.receiver.lingers = false;
+                self.purge(link);
+            }
             // A call is that of somebody else who wants a file.
             (Stage::Idle | Stage::NoRoom, _) | (Stage::Calling, CALL | NAK) => {}
             (Stage::Block, _) => self.hear_block(link, byte),
-            (Stage::Calling | Stage::Between, SOH | STX) => {
-                self.receiver.reader.begin(byte, self.receiver.is_crc);
-                self.enter(link, Stage::Block, self.settings.character_time);
-            }
+            (Stage::Calling | Stage::Between, SOH | STX) => self.begin_block(link, byte),
             (Stage::Calling | Stage::Between | Stage::EndHeard, EOT) => {
                 self.enter(link, Stage::EndHeard, self.settings.purge_time);
             }
@@ -48,6 +52,11 @@ impl Xmodem {
             _ => self.receiver.begin_run(1, Failure::Protocol),
         }
         self.purge(link);
+    }
+
+    fn begin_block(&mut self, link: &mut Context<'_>, first: u8) {
+        self.receiver.reader.begin(first, self.receiver.is_crc);
+        self.enter(link, Stage::Block, self.settings.character_time);
     }
 
     fn hear_block(&mut self, link: &mut Context<'_>, byte: u8) {
@@ -119,6 +128,8 @@ impl Xmodem {
         if self.receiver.is_cancelling {
             self.rest(link);
             self.say_cancel(link);
+        } else if !self.receiver.is_open && !self.receiver.has_called() {
+            self.rest(link);
         } else if !self.receiver.is_open && self.sender.is_waiting() {
             // Who calls cannot be called.
             self.stage = Stage::Idle;

@@ -180,6 +180,8 @@ struct Kermit {
     /// The request that the host has not answered, and the one before.
     request: Option<u32>,
     requests: u32,
+    /// What the latest request was for.
+    asked_for: String,
     /// Until when a program that was granted must come.
     granted: Option<Micros>,
     expected: Expected,
@@ -296,6 +298,7 @@ impl Kermit {
             job: None,
             request: None,
             requests: 0,
+            asked_for: String::new(),
             granted: None,
             expected: Expected::default(),
             is_open: false,

@@ -56,8 +56,13 @@ impl Kermit {
             b'B' if ended == Some(packet.number) => self.acknowledges_end(),
             b'I' => {
                 let (agreed, answer) = Agreed::asked(&packet.data, &self.rules);
-                self.agreed = Agreed { check: 1, ..agreed };
-                self.says(b'Y', packet.number, &answer, "kermit.ask.exchange");
+                if self.rules.crc_only && agreed.check < 3 {
+                    self.agreed = Agreed::nothing();
+                    self.says(b'E', packet.number, b"CRC is needed", "kermit.line.crc-only");
+                } else {
+                    self.agreed = Agreed { check: 1, ..agreed };
+                    self.says(b'Y', packet.number, &answer, "kermit.ask.exchange");
+                }
             }
             b'R' => self.is_asked(packet),
             b'G' | b'C' | b'K' => {
@@ -228,16 +233,19 @@ impl Kermit {
     /// A machine asks for a file.
     fn is_asked(&mut self, packet: &Packet) {
         const CLAUSE: &str = "kermit.ask.request";
-        if self.request.is_some() || self.granted.is_some() {
+        let name = title(&packet.data, &self.agreed);
+        let is_same = self.request.is_some() && self.asked_for == name;
+        if is_same || self.granted.is_some() {
             return;
         }
-        let name = title(&packet.data, &self.agreed);
+        self.withdraws(CLAUSE);
         if name.is_empty() {
             return self.says_plainly(packet.number, "A name is needed", CLAUSE);
         }
         self.requests += 1;
         let id = self.requests;
         self.request = Some(id);
+        self.asked_for.clone_from(&name);
         let fields = vec![("name".to_owned(), name)];
         self.expected.expect(CLAUSE, Effect::Requested { id, kind: "program".to_owned(), fields });
     }

@@ -64,6 +64,7 @@ pub(crate) const PROFILE: Profile = Profile {
         "xmodem.rx.wrong-number",
         "xmodem.tx.abort",
         "xmodem.tx.answer-time",
+        "xmodem.tx.block-is-no-call",
         "xmodem.tx.call-again",
         "xmodem.tx.cancelled",
         "xmodem.tx.end",

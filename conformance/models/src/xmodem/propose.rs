@@ -193,6 +193,8 @@ impl Xmodem {
             2 => after(pause(dice), host(HostRequest::Pause(self.jobs))),
             3 => after(pause(dice), host(HostRequest::Close)),
             4 => after(pause(dice), says(&[*dice.pick(&[ACK, EOT, SOH, CAN, b'x'])])),
+            // Nothing in a block is a call.
+            10 | 11 => self.spoken(self.block(1, dice), dice),
             5 => after(dice.between(1, 30_000_000), Given::Nothing),
             6..=8 => after(pause(dice), says(&[NAK])),
             9 => after(pause(dice), says(&[C, C])),

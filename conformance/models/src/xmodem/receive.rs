@@ -16,7 +16,7 @@ pub(super) struct File {
     pub(super) blocks: Vec<Vec<u8>>,
     /// The delivery is under way: a good block or the end of an empty file has come.
     pub(super) has_begun: bool,
-    /// Calls so far.
+    /// Calls since the last transfer.
     calls: u32,
     /// The latest call was C.
     pub(super) is_crc: bool,
@@ -57,6 +57,12 @@ impl Xmodem {
                 let until = Some(self.now + self.rules.block_time);
                 self.state = State::Idle { until, lingers: true };
             }
+            (State::Idle { .. }, Some(byte @ (SOH | STX))) if self.file.calls > 0 => {
+                self.begins_block(byte);
+            }
+            (State::Idle { .. }, Some(SOH | STX)) if self.job.is_some() => {
+                self.state = State::Purging { until: purge, cancels: false };
+            }
             (State::Idle { .. } | State::Sending(_), _)
             | (State::Calling { .. }, Some(C | NAK)) => {}
             (State::Block { characters, .. }, Some(byte)) => {
@@ -69,8 +75,7 @@ impl Xmodem {
                 self.is_noise(count, Failure::Checksum);
             }
             (State::Calling { .. } | State::Between { .. }, Some(byte @ (SOH | STX))) => {
-                let until = self.now + self.rules.character_time;
-                self.state = State::Block { characters: vec![byte], until };
+                self.begins_block(byte);
             }
             (State::Calling { .. } | State::Between { .. } | State::EndHeard { .. }, Some(EOT)) => {
                 self.state = State::EndHeard { until: purge };
@@ -88,6 +93,11 @@ impl Xmodem {
             }
             _ => self.is_noise(1, Failure::Protocol),
         }
+    }
+
+    fn begins_block(&mut self, first: u8) {
+        let until = self.now + self.rules.character_time;
+        self.state = State::Block { characters: vec![first], until };
     }
 
     fn counts_run(&mut self) {
@@ -177,6 +187,10 @@ impl Xmodem {
 
     /// NAK, or before the first good block the latest call, or it is over.
     fn refuses(&mut self, clause: &'static str) {
+        if !self.file.has_begun && self.file.calls == 0 {
+            // Nothing of it was asked for.
+            return self.rests(false);
+        }
         if !self.file.has_begun && self.job.is_some() {
             // No call while a job waits.
             self.state = State::Idle { until: None, lingers: false };
