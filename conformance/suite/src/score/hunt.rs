@@ -401,7 +401,7 @@ impl<'a> Hunter<'a> {
                 let features = &self.features[reaching.case.profile];
                 match group.session(subject, self.seed, *number) {
                     Some(run) => {
-                        let effects = Some(Effects::of(run.effects()));
+                        let effects = Some(Effects::of(run.seen()));
                         Ended { is_failed: group.is_failed(&run, features), effects }
                     }
                     None => Ended { is_failed: false, effects: None },
