@@ -44,7 +44,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-models", &["softplug-abi", "softplug-link"]),
     ("softplug-explore", &["softplug-abi", "softplug-host", "softplug-link", "softplug-models"]),
     ("softplug-mutant", &[]),
-    ("softplug-trace", &[]),
+    ("softplug-trace", &["softplug-abi"]),
     ("softplug-trial", &["softplug-abi", "softplug-link", "softplug-machines"]),
     (
         "softplug-conformance",

@@ -72,7 +72,7 @@ impl Held {
             match observed {
                 Observed::Byte(byte) if at > now => self.starts.push_back((at, byte)),
                 observed => {
-                    if let Some(effect) = Effect::of(observed, &self.manifest) {
+                    if let Some(effect) = Effect::of(&observed, &self.manifest) {
                         self.model.seen(at, &effect)?;
                     }
                 }

@@ -61,7 +61,7 @@ impl StepFault {
 
 impl Subject {
     pub(crate) fn new(module: &[u8], marked: Option<&Marked>) -> Result<Self, ExploreError> {
-        lint(module).map_err(LoadError::from)?;
+        let inspection = lint(module).map_err(LoadError::from)?;
         let mut options = HostOptions { instances: 64, ..HostOptions::default() };
         let (run, marks) = match marked {
             Some(Marked { wasm, globals, fuel }) => {
@@ -71,7 +71,7 @@ impl Subject {
             None => (module, &[][..]),
         };
         let Opened { wasm, globals, stack } = opened(run, marks)?;
-        let plugin = Host::new(options)?.load_instrumented(module, &wasm)?;
+        let plugin = Host::new(options)?.load_instrumented(&inspection, &wasm)?;
         Ok(Self { plugin, globals: globals.into(), marks: marks.into(), stack })
     }
 }

@@ -23,7 +23,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for number in first..first + count {
         let Some(session) = Session::draw(profile, &manifest, seed, number) else { continue };
         let ran = session.run(&manifest, &mut make);
-        (drawn, steps, effects) = (drawn + 1, steps + ran.steps.len(), effects + ran.effects.len());
+        (drawn, steps, effects) =
+            (drawn + 1, steps + ran.steps.len(), effects + ran.observed.len());
         if ran.finding.is_none() {
             continue;
         }
@@ -38,8 +39,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             println!("  {:>12} {step:?}", at.0);
         }
         println!("seen:");
-        for (at, effect) in &ran.effects {
-            println!("  {:>12} {effect:?}", at.0);
+        for (at, observed) in &ran.observed {
+            println!("  {:>12} {observed:?}", at.0);
         }
         return Err(format!("session {number} failed").into());
     }

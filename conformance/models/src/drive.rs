@@ -26,8 +26,8 @@ pub struct Ran {
     pub end: Micros,
     /// What was wrong; `None`: nothing.
     pub finding: Option<Finding>,
-    /// All that the plug-in did, as the model was told.
-    pub effects: Vec<(Micros, Effect)>,
+    /// All that the plug-in did of which the model was told.
+    pub observed: Vec<(Micros, Observed)>,
 }
 
 /// Why a session failed.
@@ -86,7 +86,7 @@ pub(crate) struct Drive<'a, I: Instance> {
     is_down: bool,
     pub(crate) now: Micros,
     steps: Vec<(Micros, Step)>,
-    effects: Vec<(Micros, Effect)>,
+    observed: Vec<(Micros, Observed)>,
 }
 
 impl<'a, I: Instance> Drive<'a, I> {
@@ -115,7 +115,7 @@ impl<'a, I: Instance> Drive<'a, I> {
             is_down: false,
             now: Micros::ZERO,
             steps: Vec::new(),
-            effects: Vec::new(),
+            observed: Vec::new(),
         })
     }
 
@@ -161,7 +161,7 @@ impl<'a, I: Instance> Drive<'a, I> {
     }
 
     pub(crate) fn finish(self, end: Micros, finding: Option<Finding>) -> Ran {
-        Ran { steps: self.steps, end, finding, effects: self.effects }
+        Ran { steps: self.steps, end, finding, observed: self.observed }
     }
 
     /// Whether the plug-in can be swapped now.
@@ -214,7 +214,7 @@ impl<'a, I: Instance> Drive<'a, I> {
                 }
                 (_, Some(start)) => {
                     let (at, byte) = self.starts.pop_front().unwrap_or((start, 0));
-                    self.tell(at, Effect::Byte(byte))?;
+                    self.tell(at, Observed::Byte(byte))?;
                 }
                 _ => return Ok(()),
             }
@@ -321,11 +321,6 @@ impl<'a, I: Instance> Drive<'a, I> {
         if job == 0 { 0 } else { self.job_base + job }
     }
 
-    /// The job of this session with this id on the link.
-    fn of_session(&self, job: u32) -> u32 {
-        job.wrapping_sub(self.job_base)
-    }
-
     fn swap(&mut self) -> Result<(), Finding> {
         let fault = |at, message| Finding::Fault { at, message };
         let fresh = (self.make)().map_err(|message| fault(self.now, message))?;
@@ -370,9 +365,7 @@ impl<'a, I: Instance> Drive<'a, I> {
                 Observed::Byte(byte) if at > self.now => self.starts.push_back((at, byte)),
                 observed => {
                     let is_byte = matches!(observed, Observed::Byte(_));
-                    if let Some(effect) = self.effect(observed) {
-                        self.tell(at, effect)?;
-                    }
+                    self.tell(at, observed)?;
                     if is_byte {
                         self.leave_at_once(at);
                     }
@@ -389,21 +382,18 @@ impl<'a, I: Instance> Drive<'a, I> {
         }
     }
 
-    fn tell(&mut self, at: Micros, effect: Effect) -> Result<(), Finding> {
-        let told = self.model.seen(at, &effect);
-        self.effects.push((at, effect));
-        told.map_err(|broken| Finding::Broken { at, broken })
-    }
-
-    /// As a model sees it, with the session's ids of jobs.
-    fn effect(&self, observed: Observed) -> Option<Effect> {
-        let mut effect = Effect::of(observed, self.manifest)?;
-        if let Effect::Done { job, .. } | Effect::Failed { job, .. } | Effect::Checked { job, .. } =
-            &mut effect
+    /// With the session's ids of jobs.
+    fn tell(&mut self, at: Micros, mut observed: Observed) -> Result<(), Finding> {
+        if let Observed::Done { job, .. }
+        | Observed::Failed { job, .. }
+        | Observed::Checked { job, .. } = &mut observed
         {
-            *job = self.of_session(*job);
+            job.0 = job.0.wrapping_sub(self.job_base);
         }
-        Some(effect)
+        let Some(effect) = Effect::of(&observed, self.manifest) else { return Ok(()) };
+        let told = self.model.seen(at, &effect);
+        self.observed.push((at, observed));
+        told.map_err(|broken| Finding::Broken { at, broken })
     }
 }
 

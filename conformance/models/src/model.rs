@@ -119,7 +119,8 @@ pub enum HostRequest {
     Answer(u32, Result<Vec<u8>, Failure>),
 }
 
-/// What a plug-in does that can be seen from outside.
+/// What a plug-in does that can be seen from outside, in the words of a protocol's page:
+/// a model knows no manifest, and so none of the numbers by which it calls requests and fields.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Effect {
     /// The start bit of a character.
@@ -196,32 +197,33 @@ impl Effect {
     /// use softplug_native::NativePlugin;
     ///
     /// let manifest = Manifest::parse(NativePlugin::XonXoff.manifest().as_bytes())?;
-    /// assert_eq!(Effect::of(Observed::Byte(0x13), &manifest), Some(Effect::Byte(0x13)));
-    /// assert_eq!(Effect::of(Observed::Hold, &manifest), None);
+    /// assert_eq!(Effect::of(&Observed::Byte(0x13), &manifest), Some(Effect::Byte(0x13)));
+    /// assert_eq!(Effect::of(&Observed::Hold, &manifest), None);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn of(observed: Observed, manifest: &Manifest) -> Option<Self> {
+    pub fn of(observed: &Observed, manifest: &Manifest) -> Option<Self> {
         Some(match observed {
-            Observed::Byte(byte) => Self::Byte(byte),
-            Observed::Break(micros) => Self::Break(micros),
-            Observed::ModemLines(mask, on) => Self::ModemLines(mask, on),
+            Observed::Byte(byte) => Self::Byte(*byte),
+            Observed::Break(micros) => Self::Break(*micros),
+            Observed::ModemLines(mask, on) => Self::ModemLines(*mask, *on),
             Observed::Delivery(delivery) => Self::Delivered {
                 id: delivery.id.0,
-                bytes: delivery.bytes,
-                name: delivery.name,
+                bytes: delivery.bytes.clone(),
+                name: delivery.name.clone(),
                 failure: delivery.failure,
                 status: delivery.status,
             },
-            Observed::Done { job, sent } => Self::Done { job: job.0, sent },
+            Observed::Done { job, sent } => Self::Done { job: job.0, sent: *sent },
             Observed::Failed { job, failure, status, sent } => {
-                Self::Failed { job: job.0, failure, status, sent }
+                Self::Failed { job: job.0, failure: *failure, status: *status, sent: *sent }
             }
             Observed::Checked { job, failure, status, line, column } => {
-                Self::Checked { job: job.0, failure, status, line, column }
+                let (job, failure, status) = (job.0, *failure, *status);
+                Self::Checked { job, failure, status, line: *line, column: *column }
             }
             Observed::Request { request, kind, fields } => {
-                let kind = manifest.requests.get(usize::from(kind));
-                let named = kind.map(|kind| kind.assignments(&fields)).unwrap_or_default();
+                let kind = manifest.requests.get(usize::from(*kind));
+                let named = kind.map(|kind| kind.assignments(fields)).unwrap_or_default();
                 let kind = kind.map(|kind| kind.name.clone()).unwrap_or_default();
                 Self::Requested { id: request.0, kind, fields: named }
             }

@@ -324,6 +324,6 @@ fn clock(dice: &mut Dice) -> Micros {
 
 impl Ran {
     fn empty(finding: Option<Finding>) -> Self {
-        Self { steps: Vec::new(), end: Micros::ZERO, finding, effects: Vec::new() }
+        Self { steps: Vec::new(), end: Micros::ZERO, finding, observed: Vec::new() }
     }
 }

@@ -21,7 +21,7 @@ pub(crate) fn shrink(ran: Ran, mut run: impl FnMut(&[(Micros, Step)], Micros) ->
         }
         left -= 1;
         let ran = run(steps, best.end);
-        work += ran.steps.len() + ran.effects.len();
+        work += ran.steps.len() + ran.observed.len();
         let fails = ran.finding.as_ref().is_some_and(|other| other.is_like(&finding));
         if fails {
             *best = ran;

@@ -48,9 +48,7 @@ pub use given::case::Case;
 pub use given::disturb::{Disturbed, Noise, disturb};
 pub use given::file_error::FileError;
 pub use given::ledger;
-pub use given::lines::{
-    bad_kind, damage, line_error, line_error_name, line_parameters, modem_lines,
-};
+pub use given::lines::{bad_kind, damage, line_parameters, modem_lines};
 pub use given::load::{LoadError, load};
 pub use given::timeline::TimelineError;
 pub use judge::divergence::{Divergence, Side};
@@ -60,12 +58,12 @@ pub use judge::verdict::{Failure, Verdict};
 pub use module::executed::{MeasureError, Places};
 pub use random::{FailedSession, GroupRun, SessionGroup, Sessions};
 pub use run::class::Class;
-pub use run::effect::{Delivered, Effect};
 pub use run::fault::{Fault, FaultClass};
-pub use run::outcome::{Outcome, Seen};
+pub use run::outcome::Outcome;
 pub use run::overhear::{Call, calls};
 pub use run::permute::{Clock, Permutation, Rooms, UnknownPermutation};
 pub use run::replay::replay;
+pub use run::seen::Seen;
 pub use run::subject::{FromFn, Fuel, Sandboxed, Subject, SubjectError};
 pub use show::bless::{BlessFailure, Blessing, bless, blessing};
 pub use show::flight::{FlightError, FlightFault, record_of_flight};

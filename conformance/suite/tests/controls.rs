@@ -2,7 +2,7 @@
 //! not judged, what does wrong is not conformant, and none is taken for the other.
 
 use softplug_conformance::Corpus;
-use softplug_conformance::certify::{CertifyOptions, certify};
+use softplug_conformance::certify::{CertifyOptions, Loaded, certify};
 use softplug_native::NativePlugin;
 use softplug_report::{CaseResult, Report, VerdictKind};
 use std::collections::BTreeSet;
@@ -86,7 +86,8 @@ fn manifest() -> String {
 
 fn judged(module: &[u8]) -> Report {
     let options = CertifyOptions::new("xon-xoff");
-    certify(module, &CORPUS, &options, &|_| {}, &AtomicBool::new(false))
+    let loaded = Loaded::new(module).unwrap_or_else(|error| panic!("{error}"));
+    certify(&loaded, &CORPUS, &options, &|_| {}, &AtomicBool::new(false))
         .unwrap_or_else(|error| panic!("{error}"))
 }
 

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{assert_all_pass, cases, module, native, root};
-use softplug_conformance::certify::{CertifyOptions, certify};
+use softplug_conformance::certify::{CertifyOptions, Loaded, certify};
 use softplug_conformance::{Corpus, Filter, Judge, Summary, load, run_all};
 use softplug_native::NativePlugin;
 use softplug_report::{Report, VerdictKind, check};
@@ -80,7 +80,8 @@ fn assert_alike_and_passed(profile: &Profile) {
 fn conformant(profile: &Profile, corpus: &Corpus) -> Report {
     let options = CertifyOptions::new(profile.folder);
     let module = module(profile.plugin);
-    let report = certify(&module, corpus, &options, &|_| {}, &AtomicBool::new(false))
+    let loaded = Loaded::new(&module).unwrap_or_else(|error| panic!("{error}"));
+    let report = certify(&loaded, corpus, &options, &|_| {}, &AtomicBool::new(false))
         .unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(check(&report), Ok(()));
     let failed = report.cases.iter().flat_map(|case| &case.failures);

@@ -110,7 +110,9 @@ fn noise_damages_what_is_received_and_nothing_else() {
     assert_eq!(turned.count, 2);
     let bytes = |trace: &Trace| -> Vec<u8> {
         let received = trace.inputs().filter_map(|entry| match &entry.what {
-            softplug_trace::What::Receive(payload) => payload.bytes(&NoFiles).ok(),
+            softplug_trace::What::Given(softplug_trace::Given::Receive(payload)) => {
+                payload.bytes(&NoFiles).ok()
+            }
             _ => None,
         });
         received.flatten().collect()
@@ -127,7 +129,7 @@ fn noise_damages_what_is_received_and_nothing_else() {
 #[test]
 fn a_turned_bit_shows_on_a_line_with_parity() {
     let mut trace = hold().trace;
-    trace.front.line.parity = softplug_trace::Parity::Even;
+    trace.front.line.parity = softplug_abi::Parity::Even;
     let noise = Noise { seed: 1, flip: 1_000, ..Noise::default() };
     let text = disturb(&trace, &NoFiles, noise).unwrap().trace.format();
     assert_eq!(text.matches("~p").count(), 2, "{text}");

@@ -38,7 +38,7 @@ impl Trace {
     /// items; where it does not, the item counts as different.
     ///
     /// ```
-    /// use softplug_trace::{Entry, NoFiles, Payload, SourceLine, Time, Trace, What, When};
+    /// use softplug_trace::{Entry, Expected, NoFiles, Payload, SourceLine, Time, Trace, What, When};
     ///
     /// # let text = "\
     /// # id: echo.tx.first
@@ -55,7 +55,7 @@ impl Trace {
     /// # ";
     /// let trace = Trace::parse(text)?;
     /// let mut observed = trace.entries().nth(1).unwrap().clone();
-    /// observed.what = What::Send(Payload::hex(b"A"));
+    /// observed.what = What::Expected(Expected::Send(Payload::hex(b"A")));
     /// let blessed = trace.with_expectations(vec![observed], &NoFiles).unwrap();
     /// assert!(blessed.format().ends_with("> 0.000000 41             ; 'A'\n"));
     /// # Ok::<(), softplug_trace::ParseError>(())
@@ -168,11 +168,11 @@ fn holds(old: &Entry, observed: &Entry, files: &impl Files) -> bool {
 fn ignoring_open_counts(old: &What, observed: &What) -> bool {
     use crate::model::Expected::{Done, Fail};
     match (old, observed) {
-        (What::Act(Done { id: a, sent: None }), What::Act(Done { id: b, .. })) => a == b,
+        (What::Expected(Done { id: a, sent: None }), What::Expected(Done { id: b, .. })) => a == b,
         (
-            What::Act(Fail { id: a, code, status, sent: None }),
-            What::Act(Fail { id: b, code: code_b, status: status_b, .. }),
-        ) => (a, code, status) == (b, code_b, status_b),
+            What::Expected(Fail { id: a, failure, status, sent: None }),
+            What::Expected(Fail { id: b, failure: failure_b, status: status_b, .. }),
+        ) => (a, failure, status) == (b, failure_b, status_b),
         (old, observed) => old == observed,
     }
 }

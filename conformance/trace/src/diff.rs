@@ -5,8 +5,8 @@ use std::fmt;
 
 use crate::exchange::pace::Pace;
 use crate::model::{
-    Entry, FrontMatter, Item, LineSettings, Payload, PayloadError, Piece, SourceLine, Time, Trace,
-    What, When,
+    Entry, Expected, FrontMatter, Given, Item, LineSettings, Payload, PayloadError, Piece,
+    SourceLine, Time, Trace, What, When,
 };
 use crate::{Files, format};
 
@@ -149,9 +149,9 @@ fn timeline(
     let mut timeline: BTreeMap<&'static str, Vec<Unit>> = BTreeMap::new();
     for entry in trace.entries().chain(inside) {
         let (payload, is_paced, sign) = match &entry.what {
-            What::Receive(payload) => (payload, false, "<"),
-            What::Burst(payload) => (payload, true, "<"),
-            What::Send(payload) => (payload, true, ">"),
+            What::Given(Given::Receive(payload)) => (payload, false, "<"),
+            What::Given(Given::Burst(payload)) => (payload, true, "<"),
+            What::Expected(Expected::Send(payload)) => (payload, true, ">"),
             other => {
                 let what = Thing::Event(other.clone());
                 let unit = Unit { when: entry.when, line: entry.line, what };
@@ -279,9 +279,9 @@ fn entry(sign: &str, run: &[&Unit]) -> Entry {
             let payload = Payload::new(items);
             let last = run[run.len() - 1].when.from;
             match sign {
-                ">" => What::Send(payload),
-                _ if last == run[0].when.from => What::Receive(payload),
-                _ => What::Burst(payload),
+                ">" => What::Expected(Expected::Send(payload)),
+                _ if last == run[0].when.from => What::Given(Given::Receive(payload)),
+                _ => What::Given(Given::Burst(payload)),
             }
         }
     };

@@ -117,6 +117,9 @@ pub enum ParseErrorKind {
     /// A character that a reviewer would not see.
     #[error("the character U+{:04X} may not stand in a trace; in quoted text write it as \\xNN", u32::from(*.0))]
     ForbiddenCharacter(char),
+    /// A reason that the ABI does not know.
+    #[error("\"{0}\" is no failure of the ABI")]
+    NoFailure(String),
     /// Text that is not UTF-8 after its escapes were resolved.
     #[error("this text is not UTF-8")]
     NotUtf8,

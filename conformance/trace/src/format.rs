@@ -2,11 +2,12 @@
 
 use std::fmt::{self, Write as _};
 
+use softplug_abi::{LineErrorKind, Parity};
+
 use crate::annotation::annotation;
 use crate::model::{
-    Assignment, ByteClass, DeliveryEnd, Drain, Entry, Exact, Expected, FrontMatter, HostRequest,
-    Item, Line, LineErrorKind, LineEvent, ModemLevels, Origin, Payload, Permutations, Room, Trace,
-    UNDER_WAY, What,
+    Assignment, ByteClass, Drain, Entry, Exact, Expected, FrontMatter, Given, HostRequest, Item,
+    Line, LineEvent, ModemLevels, Origin, Payload, Permutations, Room, Trace, UNDER_WAY, What,
 };
 
 /// Where the annotation begins, unless the line is longer.
@@ -58,6 +59,17 @@ fn front(front: &FrontMatter) -> String {
     text
 }
 
+/// Of the parity in `8N1`.
+fn letter(parity: Parity) -> char {
+    match parity {
+        Parity::None => 'N',
+        Parity::Even => 'E',
+        Parity::Odd => 'O',
+        Parity::Mark => 'M',
+        Parity::Space => 'S',
+    }
+}
+
 /// The keys that say on what the case is run.
 pub(crate) fn run_keys(front: &FrontMatter) -> [(&'static str, String); 4] {
     let line = &front.line;
@@ -66,7 +78,7 @@ pub(crate) fn run_keys(front: &FrontMatter) -> [(&'static str, String); 4] {
         4 => "2",
         _ => "1",
     };
-    let (parity, depth, reaction) = (line.parity.letter(), line.depth, line.reaction);
+    let (parity, depth, reaction) = (letter(line.parity), line.depth, line.reaction);
     let line =
         format!("{} {}{parity}{stop} depth={depth} reaction={reaction}", line.baud, line.data_bits);
     [
@@ -161,20 +173,20 @@ fn entry(entry: &Entry) -> String {
         }
     };
     match &entry.what {
-        What::Receive(bytes) | What::Burst(bytes) | What::Send(bytes) => part(&payload(bytes)),
-        What::SetLines(set) => part(&levels(set)),
-        What::SendBreak(micros) => part(&format!("break {micros}")),
-        What::Line(event) => part(&line_event(event)),
-        What::Host(request) => part(&host(request)),
-        What::Act(action) => part(&expected(action)),
-        What::Exact(Exact::UnderWay(facts)) => {
-            part(UNDER_WAY);
-            part(&assignments(facts));
-        }
-        What::Exact(Exact::Event { name, payload: bytes }) => {
-            part(name);
-            part(&payload(bytes));
-        }
+        What::Given(given) => match given {
+            Given::Receive(bytes) | Given::Burst(bytes) => part(&payload(bytes)),
+            Given::Line(event) => part(&line_event(event)),
+            Given::Host(request) => part(&host(request)),
+            Given::Exact(Exact::UnderWay(facts)) => {
+                part(UNDER_WAY);
+                part(&assignments(facts));
+            }
+            Given::Exact(Exact::Event { name, payload: bytes }) => {
+                part(name);
+                part(&payload(bytes));
+            }
+        },
+        What::Expected(expected) => part(&self::expected(expected)),
         What::Quiet => {}
     }
     text
@@ -215,40 +227,43 @@ fn host(request: &HostRequest) -> String {
         HostRequest::Grant { id, data } => {
             spaced(&[&format!("answer {id} granted"), &payload(data)])
         }
-        HostRequest::Refuse { id, code } => format!("answer {id} refused {code}"),
+        HostRequest::Refuse { id, failure } => format!("answer {id} refused {failure}"),
         HostRequest::Swap => "swap".to_owned(),
         HostRequest::Close => "close".to_owned(),
         HostRequest::Open => "open".to_owned(),
     }
 }
 
-fn expected(action: &Expected) -> String {
+fn expected(expected: &Expected) -> String {
     let option = |name: &str, number: Option<u64>| {
         number.map_or(String::new(), |number| format!("{name}={number}"))
     };
-    let status =
-        |status: Option<u16>| status.map_or(String::new(), |status| format!("status={status:04X}"));
-    match action {
-        Expected::Deliver { id, data, end, status: code, name } => {
-            let end = match end {
-                DeliveryEnd::Complete => "complete".to_owned(),
-                DeliveryEnd::Failed(code) => format!("failed {code}"),
-            };
+    let place = |name: &str, number: u32| option(name, (number != 0).then_some(number.into()));
+    let status = |status: &u16| match status {
+        0 => String::new(),
+        _ => format!("status={status:04X}"),
+    };
+    match expected {
+        Expected::Send(bytes) => payload(bytes),
+        Expected::SetLines(set) => levels(set),
+        Expected::SendBreak(micros) => format!("break {micros}"),
+        Expected::Deliver { id, data, failure, status: own, name } => {
+            let end = failure.map_or("complete".to_owned(), |failure| format!("failed {failure}"));
             let name = name
                 .as_ref()
                 .map_or(String::new(), |name| format!("name={}", quote(name.as_bytes())));
-            spaced(&[&format!("deliver {id}"), &payload(data), &end, &status(*code), &name])
+            spaced(&[&format!("deliver {id}"), &payload(data), &end, &status(own), &name])
         }
         Expected::Done { id, sent } => spaced(&[&format!("done {id}"), &option("sent", *sent)]),
-        Expected::Fail { id, code, status: own, sent } => {
-            spaced(&[&format!("fail {id} {code}"), &status(*own), &option("sent", *sent)])
+        Expected::Fail { id, failure, status: own, sent } => {
+            spaced(&[&format!("fail {id} {failure}"), &status(own), &option("sent", *sent)])
         }
-        Expected::Check { id, fault: None } => format!("check {id} good"),
-        Expected::Check { id, fault: Some(fault) } => spaced(&[
-            &format!("check {id} {}", fault.code),
-            &option("line", fault.line.map(u64::from)),
-            &option("column", fault.column.map(u64::from)),
-            &status(fault.status),
+        Expected::Check { id, failure: None, .. } => format!("check {id} good"),
+        Expected::Check { id, failure: Some(failure), status: own, line, column } => spaced(&[
+            &format!("check {id} {failure}"),
+            &place("line", *line),
+            &place("column", *column),
+            &status(own),
         ]),
         Expected::Request { id, kind, fields } => {
             spaced(&[&format!("request {id} {kind}"), &assignments(fields)])

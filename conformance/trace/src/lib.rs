@@ -6,7 +6,7 @@
 //! expected. `docs/trace-format.md` specifies the format.
 //!
 //! ```
-//! use softplug_trace::{Trace, What};
+//! use softplug_trace::{Expected, Trace, What};
 //!
 //! let text = "\
 //! id: echo.tx.first
@@ -23,7 +23,7 @@
 //! ";
 //! let trace = Trace::parse(text)?;
 //! assert_eq!(trace.front.id, "echo.tx.first");
-//! assert!(matches!(trace.entries().nth(1).unwrap().what, What::Send(_)));
+//! assert!(matches!(trace.entries().nth(1).unwrap().what, What::Expected(Expected::Send(_))));
 //! assert_eq!(trace.format(), text);
 //! # Ok::<(), softplug_trace::ParseError>(())
 //! ```
@@ -53,9 +53,8 @@ pub use error::{ParseError, ParseErrorKind};
 pub use file_name::{FileNameError, is_slug};
 pub use generate::{GENERATORS, Generator, GeneratorKind};
 pub use model::{
-    Alternatives, Assignment, BadKind, ByteClass, CheckFault, DeliveryEnd, Digest, Direction,
-    Drain, Edge, Entry, Exact, Expected, Files, FrontMatter, HostRequest, Item, Level, Line,
-    LineErrorKind, LineEvent, LineSettings, LinkDownReason, ModemLevels, ModemLine, NoFile,
-    NoFiles, Origin, Parity, Payload, PayloadError, Permutations, Piece, Room, SourceLine, Time,
-    Trace, What, When,
+    Alternatives, Assignment, BadKind, ByteClass, Digest, Drain, Edge, Entry, Exact, Expected,
+    Files, FrontMatter, Given, HostRequest, Item, Level, Line, LineEvent, LineSettings,
+    ModemLevels, ModemLine, NoFile, NoFiles, Origin, Payload, PayloadError, Permutations, Piece,
+    Room, SourceLine, Time, Trace, What, When,
 };

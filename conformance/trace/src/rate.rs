@@ -1,7 +1,9 @@
 //! Characters that came, or left, one after the other at the line's rate, as one line.
 
 use crate::exchange::pace::Pace;
-use crate::model::{Entry, Item, Line, Payload, SourceLine, Time, Trace, What, When};
+use crate::model::{
+    Entry, Expected, Given, Item, Line, Payload, SourceLine, Time, Trace, What, When,
+};
 
 /// Characters of a line at the most.
 const CHARACTERS: usize = 4_096;
@@ -61,7 +63,7 @@ impl Trace {
     /// as it did.
     fn last_until(&mut self, pace: Pace, end: Time) {
         let last = self.entries().filter_map(|entry| match &entry.what {
-            What::Burst(payload) => {
+            What::Given(Given::Burst(payload)) => {
                 let behind = usize::try_from(payload.length()?).ok()?.saturating_sub(1);
                 Some(Time(entry.when.to.0 + pace.of_characters(behind) as u64))
             }
@@ -84,9 +86,10 @@ impl Trace {
 
 /// A line that another one has taken in: one without bytes is nothing.
 fn is_taken(line: &Line) -> bool {
+    let Line::Entry(entry) = line else { return false };
     matches!(
-        line,
-        Line::Entry(Entry { what: What::Burst(payload) | What::Send(payload), .. })
+        &entry.what,
+        What::Given(Given::Burst(payload)) | What::Expected(Expected::Send(payload))
             if payload.is_absent()
     )
 }
@@ -130,11 +133,11 @@ impl Joiner {
             return;
         };
         let (is_sent, payload) = match &entry.what {
-            What::Receive(payload) if payload.length() == Some(1) => (false, payload),
-            What::Burst(payload) => (false, payload),
-            What::Send(payload) => (true, payload),
+            What::Given(Given::Receive(payload)) if payload.length() == Some(1) => (false, payload),
+            What::Given(Given::Burst(payload)) => (false, payload),
+            What::Expected(Expected::Send(payload)) => (true, payload),
             // What comes at one time does not come at the rate.
-            What::Receive(_) => {
+            What::Given(Given::Receive(_)) => {
                 self.close(false);
                 self.given.last = entry.when.to.0 as i64;
                 return;
@@ -180,7 +183,11 @@ impl Joiner {
         run.lines += 1;
         let none = Payload::default();
         if let Some(Line::Entry(last)) = self.body.last_mut() {
-            last.what = if is_sent { What::Send(none) } else { What::Burst(none) };
+            last.what = if is_sent {
+                What::Expected(Expected::Send(none))
+            } else {
+                What::Given(Given::Burst(none))
+            };
         }
         true
     }
@@ -207,7 +214,11 @@ impl Joiner {
             return;
         };
         let payload = written(&run.items);
-        first.what = if is_sent { What::Send(payload) } else { What::Burst(payload) };
+        first.what = if is_sent {
+            What::Expected(Expected::Send(payload))
+        } else {
+            What::Given(Given::Burst(payload))
+        };
         first.when = When::at(Time(run.at.1 as u64));
     }
 }

@@ -10,7 +10,8 @@ use softplug_conformance::{
     Case, FlightError, Judge, Made, RecordStanding, bless, case_of_record, record_of_flight,
 };
 use softplug_trace::{
-    Digest, Entry, HostRequest, Item, Line, Payload, SourceLine, Time, Trace, What, When, limits,
+    Digest, Entry, Given, HostRequest, Item, Line, Payload, SourceLine, Time, Trace, What, When,
+    limits,
 };
 
 use crate::failure::Failure;
@@ -59,7 +60,8 @@ fn data(trace: &Path, bytes: &[u8]) -> Result<Payload, Failure> {
     let data = Payload::from_bytes(bytes);
     let request = HostRequest::Job { id: 1, kind: SEND.into(), fields: Vec::new(), data };
     let when = When::at(Time(limits::SECONDS * 1_000_000));
-    let entry = Entry { when, what: What::Host(request), line: SourceLine::default() };
+    let entry =
+        Entry { when, what: What::Given(Given::Host(request)), line: SourceLine::default() };
     // An escape takes four characters of a byte; twice that is left free.
     if bytes.len() < limits::LINE_BYTES && entry.to_string().len() + 64 < limits::LINE_BYTES {
         return Ok(entry.what.payload().cloned().unwrap_or_default());
@@ -83,7 +85,7 @@ fn request(text: &str) -> Result<HostRequest, String> {
         format!("{}; docs/trace-format.md has what may stand behind \"?\"", error.kind)
     })?;
     let entries = trace.entries().find_map(|entry| match &entry.what {
-        What::Host(request) => Some(request.clone()),
+        What::Given(Given::Host(request)) => Some(request.clone()),
         _ => None,
     });
     entries.ok_or_else(|| "this asks for nothing".to_owned())

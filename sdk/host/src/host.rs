@@ -12,7 +12,7 @@ use crate::engine::Wasmtime;
 use crate::engine::compiler::CompilerProcess;
 use crate::engine::{Engine, EngineKind, NotLoaded};
 use crate::plugin::Plugin;
-use crate::{Digest, EngineInfo, LoadError, files, lint};
+use crate::{Digest, EngineInfo, Inspection, LoadError, files, lint};
 use softplug_abi::limits::{FUEL_PER_EVENT, MODULE_BYTES};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -131,23 +131,58 @@ impl Host {
     /// # Errors
     /// The module is no plug-in.
     pub fn load_bytes(&self, wasm: &[u8]) -> Result<Plugin, LoadError> {
-        let inspection = lint(wasm)?;
-        let (compiled, origin) =
-            self.inner.engine.load(wasm, inspection.digest).map_err(NotLoaded::into_error)?;
-        Ok(Plugin::new(compiled, inspection, origin, self.inner.options.fuel_per_event))
+        self.load_inspected(wasm, &lint(wasm)?)
     }
 
-    /// Compiles `instrumented` as the code of the plug-in `wasm`: the same module with
+    /// Compiles a plug-in that was checked before, as for another engine. What was found out
+    /// about other bytes counts for nothing: they are checked anew.
+    ///
+    /// # Errors
+    /// The engine does not take the module.
+    ///
+    /// ```
+    /// use softplug_host::{Host, HostOptions, lint};
+    ///
+    /// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
+    /// let inspection = lint(&wasm)?;
+    /// let host = Host::new(HostOptions::default())?;
+    /// assert_eq!(host.load_inspected(&wasm, &inspection)?.inspection(), &inspection);
+    /// assert!(host.load_inspected(b"\0asm", &inspection).is_err());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn load_inspected(
+        &self,
+        wasm: &[u8],
+        inspection: &Inspection,
+    ) -> Result<Plugin, LoadError> {
+        if Digest::of(wasm) != inspection.digest {
+            return self.load_bytes(wasm);
+        }
+        self.compile(wasm, inspection.digest, inspection)
+    }
+
+    fn compile(
+        &self,
+        code: &[u8],
+        digest: Digest,
+        inspection: &Inspection,
+    ) -> Result<Plugin, LoadError> {
+        let loaded = self.inner.engine.load(code, digest).map_err(NotLoaded::into_error);
+        let ((compiled, origin), fuel) = (loaded?, self.inner.options.fuel_per_event);
+        Ok(Plugin::new(compiled, inspection.clone(), origin, fuel))
+    }
+
+    /// Compiles `instrumented` as the code of a plug-in that was checked: the same module with
     /// counters in exported globals, which the lint would refuse. Sessions give them by
     /// [`Session::global`](crate::Session::global). Only for measuring: what it computes costs
     /// more fuel, and nobody has checked that it is the same.
     ///
     /// # Errors
-    /// The plug-in is none, or the engine does not take what was made of it.
+    /// The engine does not take what was made of the plug-in.
     ///
     /// ```
     /// use softplug_abi::{Event, Instance, Micros};
-    /// use softplug_host::{Host, HostOptions};
+    /// use softplug_host::{Host, HostOptions, lint};
     ///
     /// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
     /// # let wasm = wat::parse_str(&echo)?;
@@ -156,16 +191,17 @@ impl Host {
     /// # let instrumented = wat::parse_str(format!("{end}{counter})"))?;
     /// let host = Host::new(HostOptions::default())?;
     /// assert!(host.load_bytes(&instrumented).is_err());
-    /// let mut session = host.load_instrumented(&wasm, &instrumented)?.instantiate()?;
+    /// let mut session = host.load_instrumented(&lint(&wasm)?, &instrumented)?.instantiate()?;
     /// session.step(&Event::Received(b"G1"), Micros::ZERO)?;
     /// assert_eq!((session.global("n"), session.global("m")), (Some(7), None));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn load_instrumented(&self, wasm: &[u8], instrumented: &[u8]) -> Result<Plugin, LoadError> {
-        let inspection = lint(wasm)?;
-        let loaded = self.inner.engine.load(instrumented, Digest::of(instrumented));
-        let (compiled, origin) = loaded.map_err(NotLoaded::into_error)?;
-        Ok(Plugin::new(compiled, inspection, origin, self.inner.options.fuel_per_event))
+    pub fn load_instrumented(
+        &self,
+        inspection: &Inspection,
+        instrumented: &[u8],
+    ) -> Result<Plugin, LoadError> {
+        self.compile(instrumented, Digest::of(instrumented), inspection)
     }
 
     /// Breaks off what a [compiler's process](HostOptions::compiler) has under way, and all later

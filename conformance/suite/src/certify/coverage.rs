@@ -1,6 +1,6 @@
 //! What of the module is executed by all runs of the profiles that it claims.
 
-use super::engines::Judged;
+use super::engines::Loaded;
 use super::error::CertifyError;
 use super::options::{CertifyOptions, Progress};
 use super::plan::{ABI, Fate, Plan};
@@ -8,6 +8,7 @@ use super::reach::{Extent, each_run};
 use crate::corpus::{Corpus, Listed};
 use crate::module::executed::{Executed, MEASURING_FUEL, MeasureError, Places};
 use crate::random::Sessions;
+use softplug_abi::manifest::Manifest;
 use softplug_host::{EngineKind, Host, HostOptions};
 use softplug_report::Coverage;
 use std::sync::Mutex;
@@ -28,14 +29,15 @@ pub(super) enum Measured {
 }
 
 pub(super) fn coverage(
-    module: &[u8],
+    loaded: &Loaded<'_>,
     corpus: &Corpus,
     options: &CertifyOptions,
-    judged: &Judged,
     progress: &(dyn Fn(Progress) + Sync),
     stop: &AtomicBool,
 ) -> Result<Measured, CertifyError> {
     let internal = |error: &dyn std::fmt::Display| CertifyError::Internal(error.to_string());
+    let module = loaded.module;
+    let Some(inspection) = loaded.inspection() else { return Ok(Measured::Unknown) };
     let measuring = HostOptions {
         engine: EngineKind::Wasmtime,
         fuel_per_event: MEASURING_FUEL,
@@ -43,12 +45,12 @@ pub(super) fn coverage(
     };
     let host = Host::new(measuring).map_err(|error| internal(&error))?;
     let places = Places::of(module).map_err(|error| internal(&error))?;
-    let watcher = match places.watch(&host, module) {
+    let watcher = match places.watch(&host, module, inspection) {
         Ok(watcher) => watcher,
         Err(MeasureError::Host(_)) => return Ok(Measured::Unknown),
         Err(error) => return Err(internal(&error)),
     };
-    let work = work(corpus, options, judged)?;
+    let work = work(corpus, options, &inspection.manifest)?;
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let executed = Mutex::new(Executed::default());
     thread::scope(|scope| {
@@ -87,9 +89,8 @@ pub(super) fn coverage(
 fn work<'a>(
     corpus: &'a Corpus,
     options: &CertifyOptions,
-    judged: &Judged,
+    manifest: &Manifest,
 ) -> Result<Vec<(Listed<'a>, Extent, Sessions)>, CertifyError> {
-    let Some(manifest) = judged.manifest() else { return Ok(Vec::new()) };
     let claims = manifest.profiles.iter().map(|claim| claim.name.as_str());
     let mut profiles: Vec<&str> = claims.chain([ABI]).collect();
     profiles.retain(|name| *name != options.profile && corpus.ledger(name).is_some());

@@ -1,17 +1,22 @@
-//! The two engines, and a module in both.
+//! A module in the two engines that it is judged under.
 
 use super::error::CertifyError;
+use crate::corpus::Corpus;
 use crate::given::case::Case;
 use crate::judge::run::Judge;
+use crate::random::Sessions;
 use crate::run::class::Class;
 use crate::run::fault::FaultClass;
 use crate::run::outcome::Outcome;
 use crate::run::permute::Permutation;
-use crate::run::subject::Sandboxed;
+use crate::run::subject::{Sandboxed, SubjectError};
 use softplug_abi::Micros;
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::{Manifest, SettingError};
-use softplug_host::{EngineKind, Host, HostOptions, LoadError, Plugin, SessionFault, lint};
+use softplug_host::{
+    EngineKind, Host, HostOptions, Inspection, LoadError, Plugin, SessionFault, lint,
+};
+use std::time::Duration;
 
 /// The name of the run under the engine that has no more memory than is said.
 const BOUNDED: &str = "interpreter";
@@ -20,17 +25,17 @@ const BOUNDED: &str = "interpreter";
 /// what never ends.
 const SECOND_FUEL: u64 = 10 * FUEL_PER_EVENT;
 
+/// A module, checked once and compiled once for each of the engines, as far as it could be.
+///
 /// The first engine judges and counts fuel; the second must show the same. A module that says how
-/// much memory it uses has as its second one that has no more.
-pub(super) struct Engines {
-    first: Host,
-    second: Host,
-    bounded: Host,
-}
-
-/// A module as far as it could be loaded.
-pub(super) struct Judged {
-    manifest: Option<Manifest>,
+/// much memory it uses has as its second one that has no more. [`certify()`](super::certify()) has
+/// an example.
+pub struct Loaded<'a> {
+    pub(super) module: &'a [u8],
+    /// Name and version of the first engine, and of the second one.
+    pub(super) engines: [String; 2],
+    inspection: Option<Inspection>,
+    first: Option<Sandboxed>,
     subjects: Option<Subjects>,
     unfit: Vec<String>,
 }
@@ -41,64 +46,89 @@ pub(super) struct Subjects {
     pub(super) second: Sandboxed,
     /// The name of the run under the second engine.
     pub(super) second_run: &'static str,
-    /// Of the engines.
-    pub(super) names: [String; 2],
 }
 
-impl Engines {
-    pub(super) fn new() -> Result<Self, CertifyError> {
+impl<'a> Loaded<'a> {
+    /// A module that does not fit is no error: it is judged as one that cannot be judged.
+    ///
+    /// # Errors
+    /// The engines fail.
+    pub fn new(module: &'a [u8]) -> Result<Self, CertifyError> {
         let host = |engine, fuel_per_event| {
             Host::new(HostOptions { engine, fuel_per_event, ..HostOptions::default() })
                 .map_err(|error| CertifyError::Internal(error.to_string()))
         };
-        Ok(Self {
-            first: host(EngineKind::Wasmtime, FUEL_PER_EVENT)?,
-            second: host(EngineKind::Wasmi, SECOND_FUEL)?,
-            bounded: host(EngineKind::Interpreter, SECOND_FUEL)?,
-        })
-    }
-
-    /// Name and version of the first engine.
-    pub(super) fn first(&self) -> String {
-        self.first.engine().to_string()
-    }
-
-    /// Name and version of the second engine.
-    pub(super) fn second(&self) -> String {
-        self.second.engine().to_string()
-    }
-
-    /// A module that does not fit is no error: it is judged as one that cannot be judged.
-    pub(super) fn load(&self, module: &[u8]) -> Judged {
-        let unfit =
-            |manifest, reason: String| Judged { manifest, subjects: None, unfit: vec![reason] };
-        let manifest = match lint(module) {
-            Ok(inspection) => inspection.manifest,
-            Err(error) => return unfit(None, error.to_string()),
+        let compiler = host(EngineKind::Wasmtime, FUEL_PER_EVENT)?;
+        let (wasmi, bounded) =
+            (host(EngineKind::Wasmi, SECOND_FUEL)?, host(EngineKind::Interpreter, SECOND_FUEL)?);
+        let mut loaded = Self {
+            module,
+            engines: [&compiler, &wasmi].map(|host| host.engine().to_string()),
+            inspection: None,
+            first: None,
+            subjects: None,
+            unfit: Vec::new(),
         };
-        let plugin = match self.first.load_bytes(module) {
-            Ok(plugin) => plugin,
-            Err(error) => return unfit(Some(manifest), error.to_string()),
-        };
-        if let Err(reason) = begins(&plugin) {
-            return unfit(Some(manifest), reason.to_string());
+        if let Err(reason) = loaded.load(&compiler, &wasmi, &bounded) {
+            loaded.unfit.push(reason);
         }
+        Ok(loaded)
+    }
+
+    fn load(&mut self, compiler: &Host, wasmi: &Host, bounded: &Host) -> Result<(), String> {
+        let module = self.module;
+        let inspection = lint(module).map_err(|error| error.to_string())?;
+        let inspection = &*self.inspection.insert(inspection);
+        let plugin = compiler.load_inspected(module, inspection);
+        let first = Sandboxed::new(plugin.map_err(|error| error.to_string())?);
+        let first = &*self.first.insert(first);
+        begins(first.plugin()).map_err(|error| error.to_string())?;
         // What only one of them takes can be shown by one of them only.
-        let (host, second_run) = match manifest.memory_bytes {
-            Some(_) => (&self.bounded, BOUNDED),
-            None => (&self.second, "wasmi"),
+        let (host, second_run) = match inspection.manifest.memory_bytes {
+            Some(_) => (bounded, BOUNDED),
+            None => (wasmi, "wasmi"),
         };
-        let second = match host.load_bytes(module) {
-            Ok(second) => second,
-            Err(error) => {
-                let reason = format!("{} does not take the module: {error}", host.engine());
-                return unfit(Some(manifest), reason);
-            }
-        };
-        let (first, second) = (Sandboxed::new(plugin), Sandboxed::new(second));
-        let names = [self.first(), host.engine().to_string()];
-        let subjects = Some(Subjects { first, second, second_run, names });
-        Judged { manifest: Some(manifest), subjects, unfit: Vec::new() }
+        let second = host.load_inspected(module, inspection);
+        let name = host.engine().to_string();
+        let second = second.map_err(|error| format!("{name} does not take the module: {error}"))?;
+        self.engines[1] = name;
+        let (first, second) = (first.clone(), Sandboxed::new(second));
+        self.subjects = Some(Subjects { first, second, second_run });
+        Ok(())
+    }
+
+    /// About as many random sessions of a profile as it gets through in this time.
+    ///
+    /// # Errors
+    /// It cannot be judged.
+    pub fn sessions_within(
+        &self,
+        corpus: &Corpus,
+        profile: &str,
+        time: Duration,
+        threads: usize,
+    ) -> Result<u32, SubjectError> {
+        let unfit = || Box::<dyn std::error::Error + Send + Sync>::from(self.unfit.concat());
+        let first = self.first.as_ref().ok_or_else(unfit)?;
+        Ok(Sessions::within(first, corpus, profile, time, threads))
+    }
+
+    pub(super) fn inspection(&self) -> Option<&Inspection> {
+        self.inspection.as_ref()
+    }
+
+    pub(super) fn manifest(&self) -> Option<&Manifest> {
+        self.inspection.as_ref().map(|inspection| &inspection.manifest)
+    }
+
+    /// None where it cannot be judged.
+    pub(super) fn subjects(&self) -> Option<&Subjects> {
+        self.subjects.as_ref()
+    }
+
+    /// Why it cannot be judged.
+    pub(super) fn unfit(&self) -> Vec<String> {
+        self.unfit.clone()
     }
 }
 
@@ -121,27 +151,6 @@ fn begins(plugin: &Plugin) -> Result<(), NoBegin> {
     match session.configure(&defaults, Micros::ZERO) {
         Ok(()) | Err(SessionFault::Refused { .. }) => Ok(()),
         Err(fault) => Err(fault.into()),
-    }
-}
-
-impl Judged {
-    pub(super) fn manifest(&self) -> Option<&Manifest> {
-        self.manifest.as_ref()
-    }
-
-    /// Name and version of the engine that is compared with; none where it cannot be judged.
-    pub(super) fn second(&self) -> Option<&str> {
-        self.subjects.as_ref().map(|subjects| &*subjects.names[1])
-    }
-
-    /// None where it cannot be judged.
-    pub(super) fn subjects(&self) -> Option<&Subjects> {
-        self.subjects.as_ref()
-    }
-
-    /// Why it cannot be judged.
-    pub(super) fn unfit(&self) -> Vec<String> {
-        self.unfit.clone()
     }
 }
 

@@ -4,13 +4,15 @@
 ///
 /// ```
 /// use softplug_conformance::Corpus;
-/// use softplug_conformance::certify::{CertifyError, CertifyOptions, certify};
+/// use softplug_conformance::certify::{CertifyError, CertifyOptions, Loaded, certify};
 /// use std::sync::atomic::AtomicBool;
 ///
 /// let (corpus, options) = (Corpus::embedded(), CertifyOptions::new("xon"));
-/// let error = certify(b"", &corpus, &options, &|_| {}, &AtomicBool::new(false)).unwrap_err();
+/// let nothing = Loaded::new(b"")?;
+/// let error = certify(&nothing, &corpus, &options, &|_| {}, &AtomicBool::new(false)).unwrap_err();
 /// assert!(matches!(&error, CertifyError::UnknownProfile { name, .. } if name == "xon"));
 /// assert!(error.to_string().starts_with("there is no profile \"xon\"; there are 3964, abi,"));
+/// # Ok::<(), CertifyError>(())
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[non_exhaustive]

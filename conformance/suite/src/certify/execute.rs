@@ -1,6 +1,6 @@
 //! Runs the cases of a plan, spread over threads.
 
-use super::engines::{Subjects, met_limit};
+use super::engines::{Loaded, Subjects, met_limit};
 use super::error::CertifyError;
 use super::options::{CertifyOptions, Progress};
 use super::plan::{Fate, Plan};
@@ -42,6 +42,7 @@ pub(super) struct Ran {
 /// One for each case of the plan; none for those that did not run to their end.
 pub(super) fn run(
     plan: &Plan<'_>,
+    loaded: &Loaded<'_>,
     subjects: &Subjects,
     options: &CertifyOptions,
     progress: &(dyn Fn(Progress) + Sync),
@@ -54,6 +55,7 @@ pub(super) fn run(
     }
     let shared = Shared {
         plan,
+        loaded,
         subjects,
         options,
         progress,
@@ -99,6 +101,7 @@ pub(crate) fn shuffled(mut numbers: Vec<usize>, seed: u64) -> Vec<usize> {
 /// What the threads share.
 struct Shared<'a> {
     plan: &'a Plan<'a>,
+    loaded: &'a Loaded<'a>,
     subjects: &'a Subjects,
     options: &'a CertifyOptions,
     progress: &'a (dyn Fn(Progress) + Sync),
@@ -214,7 +217,7 @@ impl Shared<'_> {
     }
 
     fn differ(&self, listed: &Listed<'_>) -> CertifyError {
-        let [first, second] = self.subjects.names.clone();
+        let [first, second] = self.loaded.engines.clone();
         CertifyError::EnginesDiffer { case: listed.id.to_owned(), first, second }
     }
 

@@ -15,6 +15,7 @@ pub(crate) mod reach;
 mod rows;
 
 pub use baseline::{Baseline, BaselineError, Expected};
+pub use engines::Loaded;
 pub use error::CertifyError;
 pub(crate) use execute::shuffled;
 pub use glob::matches;
@@ -23,7 +24,6 @@ pub use options::{CertifyOptions, Progress};
 pub use plan::ABI;
 
 use crate::corpus::Corpus;
-use engines::Engines;
 use plan::Plan;
 use rows::Results;
 use softplug_report::Report;
@@ -35,7 +35,7 @@ use std::sync::atomic::AtomicBool;
 ///
 /// ```
 /// use softplug_conformance::Corpus;
-/// use softplug_conformance::certify::{CertifyOptions, Progress, certify};
+/// use softplug_conformance::certify::{CertifyOptions, Loaded, Progress, certify};
 /// use std::sync::Mutex;
 /// use std::sync::atomic::AtomicBool;
 ///
@@ -46,7 +46,7 @@ use std::sync::atomic::AtomicBool;
 ///     *last.lock().unwrap() = Some((so_far.cases, so_far.failed));
 /// };
 /// let report =
-///     certify(&module, &Corpus::embedded(), &options, &progress, &AtomicBool::new(false))?;
+///     certify(&Loaded::new(&module)?, &Corpus::embedded(), &options, &progress, &AtomicBool::new(false))?;
 /// // All that was asked for has passed, but not all of the profile was asked for.
 /// assert_eq!(report.verdict.text(), "partial");
 /// assert_eq!(*last.lock().unwrap(), Some((report.counts.executed as usize, 0)));
@@ -57,31 +57,27 @@ use std::sync::atomic::AtomicBool;
 /// There is nothing to report on; see [`CertifyError`]. A module that is no plug-in gives a
 /// report with the verdict `not-judged`.
 pub fn certify(
-    module: &[u8],
+    loaded: &Loaded<'_>,
     corpus: &Corpus,
     options: &CertifyOptions,
     progress: &(dyn Fn(Progress) + Sync),
     stop: &AtomicBool,
 ) -> Result<Report, CertifyError> {
-    let engines = Engines::new()?;
-    let judged = engines.load(module);
-    let plan = Plan::new(corpus, options, judged.manifest())?;
-    let mut unfit = judged.unfit();
+    let plan = Plan::new(corpus, options, loaded.manifest())?;
+    let mut unfit = loaded.unfit();
     if unfit.is_empty() {
-        unfit = plan.unfit(judged.manifest());
+        unfit = plan.unfit(loaded.manifest());
     }
-    let ran = match judged.subjects() {
+    let ran = match loaded.subjects() {
         Some(subjects) if unfit.is_empty() => {
-            execute::run(&plan, subjects, options, progress, stop)?
+            execute::run(&plan, loaded, subjects, options, progress, stop)?
         }
         _ => plan.cases.iter().map(|_| None).collect(),
     };
-    let (engines, judged, plan) = (&engines, &judged, &plan);
-    let mut results =
-        Results { module, corpus, options, engines, judged, plan, unfit, ran, measured: None };
+    let plan = &plan;
+    let mut results = Results { loaded, corpus, options, plan, unfit, ran, measured: None };
     if results.report().verdict.is_conformant() {
-        results.measured =
-            Some(coverage::coverage(module, corpus, options, judged, progress, stop)?);
+        results.measured = Some(coverage::coverage(loaded, corpus, options, progress, stop)?);
     }
     Ok(results.report())
 }

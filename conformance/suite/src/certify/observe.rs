@@ -1,7 +1,6 @@
 //! What a plug-in was seen to do in single runs, as traces.
 
-use super::engines::Engines;
-use super::error::CertifyError;
+use super::engines::Loaded;
 use super::options::CertifyOptions;
 use crate::corpus::{Corpus, Source};
 use crate::given::case::Case;
@@ -30,28 +29,25 @@ pub struct ObservedRun {
 ///
 /// ```
 /// use softplug_conformance::Corpus;
-/// use softplug_conformance::certify::{CertifyOptions, observe};
+/// use softplug_conformance::certify::{CertifyOptions, Loaded, observe};
 ///
 /// # let module = wat::parse_file("../../fixtures/abi/echo.wat")?;
 /// // A plug-in that sends back what it receives: here XOFF and XON.
 /// let runs = ["xon-xoff.rx.break-idle/uncut", "xon-xoff.none/uncut"];
-/// let observed = observe(&module, &Corpus::embedded(), runs, &CertifyOptions::new("abi"))?;
+/// let loaded = Loaded::new(&module)?;
+/// let observed = observe(&loaded, &Corpus::embedded(), runs, &CertifyOptions::new("abi"));
 /// assert_eq!(observed.len(), 1, "there is no other such run");
 /// assert_eq!(observed[0].run, runs[0]);
 /// assert!(observed[0].text.contains("# observed in the run uncut"));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-///
-/// # Errors
-/// The engines fail.
 pub fn observe<'a>(
-    module: &[u8],
+    loaded: &Loaded<'_>,
     corpus: &Corpus,
     runs: impl IntoIterator<Item = &'a str>,
     options: &CertifyOptions,
-) -> Result<Vec<ObservedRun>, CertifyError> {
-    let judged = Engines::new()?.load(module);
-    let Some(subjects) = judged.subjects() else { return Ok(Vec::new()) };
+) -> Vec<ObservedRun> {
+    let Some(subjects) = loaded.subjects() else { return Vec::new() };
     let list = corpus.list();
     let observed = runs.into_iter().filter_map(|run| {
         let (id, name) = run.rsplit_once('/')?;
@@ -69,7 +65,7 @@ pub fn observe<'a>(
         };
         Some(ObservedRun { run: run.to_owned(), text })
     });
-    Ok(observed.collect())
+    observed.collect()
 }
 
 /// A script has no trace: its log, line by line.

@@ -2,7 +2,7 @@
 
 use super::baseline::{Baseline, Expected};
 use super::coverage::Measured;
-use super::engines::{Engines, Judged};
+use super::engines::Loaded;
 use super::execute::Ran;
 use super::options::CertifyOptions;
 use super::plan::{Fate, Plan, Planned};
@@ -18,11 +18,9 @@ use softplug_report::{
 
 /// Everything that a report is made of.
 pub(super) struct Results<'a> {
-    pub(super) module: &'a [u8],
     pub(super) corpus: &'a Corpus,
     pub(super) options: &'a CertifyOptions,
-    pub(super) engines: &'a Engines,
-    pub(super) judged: &'a Judged,
+    pub(super) loaded: &'a Loaded<'a>,
     pub(super) plan: &'a Plan<'a>,
     /// Why the plug-in cannot be judged.
     pub(super) unfit: Vec<String>,
@@ -83,25 +81,25 @@ impl Results<'_> {
     }
 
     fn suite(&self) -> SuiteInfo {
-        let second = self.judged.second();
+        let [engine, second_engine] = self.loaded.engines.clone();
         SuiteInfo {
             name: "softplug".to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             corpus: self.corpus.digest.clone(),
-            engine: self.engines.first(),
-            second_engine: second.map_or_else(|| self.engines.second(), ToOwned::to_owned),
+            engine,
+            second_engine,
         }
     }
 
     fn plugin(&self) -> PluginInfo {
         let of = |text: fn(&softplug_abi::manifest::Manifest) -> &String| {
-            self.judged.manifest().map(text).cloned().unwrap_or_default()
+            self.loaded.manifest().map(text).cloned().unwrap_or_default()
         };
         PluginInfo {
             name: of(|manifest| &manifest.name),
             version: of(|manifest| &manifest.version),
-            sha256: HEXLOWER.encode(&Sha256::digest(self.module)),
-            bytes: self.module.len() as u64,
+            sha256: HEXLOWER.encode(&Sha256::digest(self.loaded.module)),
+            bytes: self.loaded.module.len() as u64,
             abi: of(|manifest| &manifest.abi),
         }
     }

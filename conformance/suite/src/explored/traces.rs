@@ -5,9 +5,8 @@ use crate::given::lines::{assignments, entry, line_settings};
 use crate::judge::run::{Filter, Judge, run_all};
 use crate::judge::verdict::Verdict;
 use crate::random::given_as;
-use crate::run::effect::Effect;
-use crate::run::outcome::Seen;
 use crate::run::permute::Permutation;
+use crate::run::seen::Seen;
 use crate::run::transcript;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Micros, ModemLines};
@@ -131,13 +130,14 @@ fn body(
 ) -> Vec<Line> {
     let since = |at: Micros| Micros(at.0 - setup.begin.0);
     let observed = log.observed.iter().cloned();
-    let seen: Vec<Seen> = observed
-        .filter_map(|(at, observed)| Some(Seen { at: since(at), effect: Effect::of(observed)? }))
-        .collect();
+    let seen: Vec<Seen> =
+        observed.filter_map(|(at, observed)| Seen::of(since(at), observed)).collect();
     // A trace opens the link by itself.
     let given = log.inputs.iter().skip(1);
     let mut entries: Vec<Entry> = given
-        .filter_map(|(at, step)| Some(entry(since(*at), given_as(step, ModemLines::default())?)))
+        .filter_map(|(at, step)| {
+            Some(entry(since(*at), What::Given(given_as(step, ModemLines::default())?)))
+        })
         .collect();
     let given: Vec<_> = entries.iter().map(|entry| entry.when).collect();
     let is_cut = |at: Micros| given.iter().any(|when| when.from.0 == at.0 as u64);

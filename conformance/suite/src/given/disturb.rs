@@ -3,8 +3,9 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use softplug_abi::Parity;
 use softplug_trace::{
-    BadKind, Files, Item, Line, Parity, Payload, PayloadError, Piece, Trace, What,
+    BadKind, Files, Given, Item, Line, Payload, PayloadError, Piece, Trace, What,
 };
 
 /// How often a character is damaged, in a thousand each. The same noise on the same
@@ -65,7 +66,9 @@ pub fn disturb(trace: &Trace, files: &impl Files, noise: Noise) -> Result<Distur
     let mut trace = trace.clone();
     for line in &mut trace.body {
         let Line::Entry(entry) = line else { continue };
-        let (What::Receive(payload) | What::Burst(payload)) = &mut entry.what else { continue };
+        let What::Given(Given::Receive(payload) | Given::Burst(payload)) = &mut entry.what else {
+            continue;
+        };
         let before = static_noise.count;
         let damaged = static_noise.carry(&payload.pieces(files)?);
         if static_noise.count == before {

@@ -1,9 +1,9 @@
-//! The trace's words for lines and failures in those of the ABI, and the other way round.
+//! The trace's words for lines in those of the ABI, and the other way round.
 
-use softplug_abi::{LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines, Parity};
+use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
 use softplug_trace::{
-    self as trace, Assignment, BadKind, Entry, Item, LineEvent, LineSettings, ModemLevels,
-    ModemLine, Payload, SourceLine, Time, What, When,
+    Assignment, BadKind, Entry, Given, Item, LineEvent, LineSettings, ModemLevels, ModemLine,
+    Payload, SourceLine, Time, What, When,
 };
 
 /// The characters on the line of a trace.
@@ -20,37 +20,17 @@ use softplug_trace::{
 /// # Ok::<(), softplug_trace::ParseError>(())
 /// ```
 pub fn line_parameters(line: &LineSettings) -> LineParameters {
-    let parity = match line.parity {
-        trace::Parity::None => Parity::None,
-        trace::Parity::Even => Parity::Even,
-        trace::Parity::Odd => Parity::Odd,
-        trace::Parity::Mark => Parity::Mark,
-        trace::Parity::Space => Parity::Space,
-    };
     LineParameters {
         baud: line.baud,
         data_bits: line.data_bits,
-        parity,
+        parity: line.parity,
         stop_half_bits: line.stop_half_bits,
     }
 }
 
 /// The other way round, with the port's depth.
 pub(crate) fn line_settings(line: LineParameters, depth: usize) -> LineSettings {
-    LineSettings {
-        baud: line.baud,
-        data_bits: line.data_bits,
-        parity: match line.parity {
-            Parity::None => trace::Parity::None,
-            Parity::Even => trace::Parity::Even,
-            Parity::Odd => trace::Parity::Odd,
-            Parity::Mark => trace::Parity::Mark,
-            Parity::Space => trace::Parity::Space,
-        },
-        stop_half_bits: line.stop_half_bits,
-        depth: depth as u32,
-        reaction: 0,
-    }
+    LineSettings { depth: depth as u32, ..line.into() }
 }
 
 /// Something at one time.
@@ -143,57 +123,9 @@ pub fn damage(kind: LineErrorKind) -> Option<BadKind> {
 }
 
 /// A damaged character, an overrun or a break.
-pub(crate) fn damaged(kind: LineErrorKind, byte: Option<u8>, span: u32) -> What {
+pub(crate) fn damaged(kind: LineErrorKind, byte: Option<u8>, span: u32) -> Given {
     if let Some(kind) = damage(kind).filter(|_| span == 0) {
-        return What::Receive(Payload::new(byte.map(|byte| Item::Bad { kind, byte })));
+        return Given::Receive(Payload::new(byte.map(|byte| Item::Bad { kind, byte })));
     }
-    What::Line(LineEvent::Error { kind: line_error_name(kind), byte, span })
-}
-
-/// A line error of a trace.
-///
-/// ```
-/// use softplug_abi::LineErrorKind;
-/// use softplug_conformance::{line_error, line_error_name};
-///
-/// assert_eq!(line_error_name(LineErrorKind::Overrun).name(), "overrun");
-/// assert_eq!(line_error(line_error_name(LineErrorKind::Break)), LineErrorKind::Break);
-/// ```
-pub fn line_error(kind: trace::LineErrorKind) -> LineErrorKind {
-    match kind {
-        trace::LineErrorKind::Parity => LineErrorKind::Parity,
-        trace::LineErrorKind::Framing => LineErrorKind::Framing,
-        trace::LineErrorKind::ParityOrFraming => LineErrorKind::ParityOrFraming,
-        trace::LineErrorKind::Overrun => LineErrorKind::Overrun,
-        trace::LineErrorKind::Break => LineErrorKind::Break,
-    }
-}
-
-/// How a trace names a line error.
-///
-/// The example of [`line_error`] shows it.
-pub fn line_error_name(kind: LineErrorKind) -> trace::LineErrorKind {
-    match kind {
-        LineErrorKind::Parity => trace::LineErrorKind::Parity,
-        LineErrorKind::Framing => trace::LineErrorKind::Framing,
-        LineErrorKind::ParityOrFraming => trace::LineErrorKind::ParityOrFraming,
-        LineErrorKind::Overrun => trace::LineErrorKind::Overrun,
-        LineErrorKind::Break => trace::LineErrorKind::Break,
-    }
-}
-
-pub(crate) fn down_reason_name(reason: LinkDownReason) -> trace::LinkDownReason {
-    match reason {
-        LinkDownReason::Unplugged => trace::LinkDownReason::Unplugged,
-        LinkDownReason::Disconnected => trace::LinkDownReason::Disconnected,
-        LinkDownReason::Failed => trace::LinkDownReason::Failed,
-    }
-}
-
-pub(crate) fn down_reason(reason: trace::LinkDownReason) -> LinkDownReason {
-    match reason {
-        trace::LinkDownReason::Unplugged => LinkDownReason::Unplugged,
-        trace::LinkDownReason::Disconnected => LinkDownReason::Disconnected,
-        trace::LinkDownReason::Failed => LinkDownReason::Failed,
-    }
+    Given::Line(LineEvent::Error { kind, byte, span })
 }

@@ -2,7 +2,7 @@
 
 use super::case::Case;
 use sha2::{Digest as _, Sha256};
-use softplug_trace::{Expected, FrontMatter, HostRequest, LineEvent, Trace, What};
+use softplug_trace::{Expected, FrontMatter, Given, HostRequest, LineEvent, Trace, What};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -82,7 +82,7 @@ fn bytes(trace: &Trace) -> u64 {
 fn comes_to_an_end(trace: &Trace) -> bool {
     let mut entries = trace.variants().into_iter().next().unwrap_or_default().into_iter();
     entries.any(|entry| {
-        matches!(entry.what, What::Act(Expected::Done { .. } | Expected::Deliver { .. }))
+        matches!(entry.what, What::Expected(Expected::Done { .. } | Expected::Deliver { .. }))
     })
 }
 
@@ -98,11 +98,11 @@ impl Case {
         let mut modem = front.modem.0.clone();
         for entry in self.trace.inputs() {
             match &entry.what {
-                What::Host(HostRequest::Close) => is_open = false,
-                What::Host(HostRequest::Open) => (is_open, is_up) = (true, true),
-                What::Line(LineEvent::Down(_)) => is_up = false,
-                What::Line(LineEvent::Up) => is_up = true,
-                What::Line(LineEvent::Modem(levels)) => {
+                What::Given(Given::Host(HostRequest::Close)) => is_open = false,
+                What::Given(Given::Host(HostRequest::Open)) => (is_open, is_up) = (true, true),
+                What::Given(Given::Line(LineEvent::Down(_))) => is_up = false,
+                What::Given(Given::Line(LineEvent::Up)) => is_up = true,
+                What::Given(Given::Line(LineEvent::Modem(levels))) => {
                     modem.extend(levels.0.iter().map(|(line, on)| (*line, *on)));
                 }
                 _ => {}
@@ -117,15 +117,17 @@ fn has_open_ends(trace: &Trace) -> bool {
     let (mut jobs, mut requests) = (BTreeSet::new(), BTreeSet::new());
     for entry in trace.variants().into_iter().next().unwrap_or_default() {
         match &entry.what {
-            What::Host(HostRequest::Job { id, .. }) => drop(jobs.insert(*id)),
-            What::Act(
+            What::Given(Given::Host(HostRequest::Job { id, .. })) => drop(jobs.insert(*id)),
+            What::Expected(
                 Expected::Done { id, .. }
                 | Expected::Fail { id, .. }
-                | Expected::Check { id, fault: Some(_) },
+                | Expected::Check { id, failure: Some(_), .. },
             ) => drop(jobs.remove(id)),
-            What::Act(Expected::Request { id, .. }) => drop(requests.insert(*id)),
-            What::Act(Expected::Withdraw(id))
-            | What::Host(HostRequest::Grant { id, .. } | HostRequest::Refuse { id, .. }) => {
+            What::Expected(Expected::Request { id, .. }) => drop(requests.insert(*id)),
+            What::Expected(Expected::Withdraw(id))
+            | What::Given(Given::Host(
+                HostRequest::Grant { id, .. } | HostRequest::Refuse { id, .. },
+            )) => {
                 requests.remove(id);
             }
             _ => {}

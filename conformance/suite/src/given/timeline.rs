@@ -2,11 +2,13 @@
 
 use super::case::Case;
 use super::fields::records;
-use super::lines::{bad_kind, down_reason, line_error, line_parameters, modem_lines};
+use super::lines::{bad_kind, line_parameters, modem_lines};
 use softplug_abi::manifest::{FieldError, Manifest};
 use softplug_abi::{Failure, JobId, LineErrorKind, LinkDownReason, Micros, ModemLines};
 use softplug_link::Job;
-use softplug_trace::{Drain, HostRequest, LineEvent, Payload, PayloadError, Piece, What, When};
+use softplug_trace::{
+    self as trace, Drain, HostRequest, LineEvent, Payload, PayloadError, Piece, What, When,
+};
 
 /// Inputs in the order in which they come.
 #[derive(Clone, Debug, Default)]
@@ -104,8 +106,6 @@ pub(crate) enum NotPossible {
     Request(String),
     #[error("room to transmit grows as bytes leave; only room for deliveries can be given")]
     TransmitRoom,
-    #[error("\"{0}\" is no failure of the ABI")]
-    Failure(String),
 }
 
 impl NotPossible {
@@ -129,8 +129,9 @@ impl Timeline {
             let number = entry.line.0;
             let bytes = |error: PayloadError| NotPossible::from(error).at(number);
             let at = place(entry.when, windows, &mut window);
-            match &entry.what {
-                What::Receive(payload) => {
+            let What::Given(what) = &entry.what else { continue };
+            match what {
+                trace::Given::Receive(payload) => {
                     let pieces = payload.pieces(&case.files()).map_err(bytes)?;
                     given.extend(pieces.into_iter().map(|piece| {
                         let what = match piece {
@@ -140,7 +141,7 @@ impl Timeline {
                         Given { at: at + reaction, what }
                     }));
                 }
-                What::Burst(payload) => {
+                trace::Given::Burst(payload) => {
                     let pieces = payload.pieces(&case.files()).map_err(bytes)?;
                     let characters = pieces.into_iter().flat_map(|piece| match piece {
                         Piece::Bytes(bytes) => bytes.into_iter().map(Input::Character).collect(),
@@ -151,18 +152,13 @@ impl Timeline {
                         what,
                     }));
                 }
-                What::Line(event) => given.push(Given { at, what: of_line(event) }),
-                What::Host(request) => {
+                trace::Given::Line(event) => given.push(Given { at, what: of_line(event) }),
+                trace::Given::Host(request) => {
                     let asked = of_host(case, manifest, request);
                     let asked = asked.map_err(|error| error.at(number))?;
                     given.push(Given { at, what: Input::Host(asked) });
                 }
-                What::Send(_)
-                | What::SetLines(_)
-                | What::SendBreak(_)
-                | What::Act(_)
-                | What::Exact(_)
-                | What::Quiet => {}
+                trace::Given::Exact(_) => {}
             }
         }
         given.sort_by_key(|given| (given.at, !given.what.is_from_line()));
@@ -203,9 +199,9 @@ fn of_line(event: &LineEvent) -> Input {
             Input::Modem(named, on)
         }
         LineEvent::Error { kind, byte, span } => {
-            Input::Damaged { kind: line_error(*kind), byte: *byte, span: *span }
+            Input::Damaged { kind: *kind, byte: *byte, span: *span }
         }
-        LineEvent::Down(reason) => Input::Down(down_reason(*reason)),
+        LineEvent::Down(reason) => Input::Down(*reason),
         LineEvent::Up => Input::Up,
     }
 }
@@ -236,15 +232,11 @@ fn of_host(case: &Case, manifest: &Manifest, request: &HostRequest) -> Result<As
         },
         HostRequest::Drain(drain) => Asked::Drain(*drain),
         HostRequest::Grant { id, data } => Asked::Answer(*id, Ok(bytes(data)?)),
-        HostRequest::Refuse { id, code } => Asked::Answer(*id, Err(failure(code)?)),
+        HostRequest::Refuse { id, failure } => Asked::Answer(*id, Err(*failure)),
         HostRequest::Swap => Asked::Swap,
         HostRequest::Close => Asked::Close,
         HostRequest::Open => Asked::Open,
     })
-}
-
-pub(crate) fn failure(name: &str) -> Result<Failure, NotPossible> {
-    Failure::from_name(name).ok_or_else(|| NotPossible::Failure(name.to_owned()))
 }
 
 #[cfg(test)]

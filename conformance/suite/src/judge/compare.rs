@@ -2,7 +2,7 @@
 
 use super::demand::{Demand, Demanded};
 use crate::run::back_to_back::Run;
-use crate::run::outcome::Seen;
+use crate::run::seen::Seen;
 use softplug_abi::{LineParameters, Micros};
 
 /// The first place where the two differ.
@@ -11,7 +11,7 @@ pub(crate) struct Mismatch {
     pub(crate) at: Micros,
     /// When the demand was due at the latest.
     pub(crate) due: Micros,
-    /// Number of the demand, and of the effect in it.
+    /// Number of the demand, and of the thing in it.
     pub(crate) expected: Option<(usize, usize)>,
     /// Number of what was seen.
     pub(crate) observed: Option<usize>,
@@ -36,7 +36,7 @@ pub(crate) fn compare(
 
 struct Matcher<'a> {
     demands: &'a [Demand],
-    /// Effects of each demand that were seen.
+    /// Things of each demand that were seen.
     progress: Vec<usize>,
     /// All demands before it are fulfilled.
     first_open: usize,
@@ -55,8 +55,7 @@ impl Matcher<'_> {
             }
             let demand = &self.demands[number];
             let done = self.progress[number];
-            let expected = demand.effect(done);
-            if expected.channel() != seen.effect.channel() {
+            if demand.channel() != seen.channel() {
                 continue;
             }
             let (from, to) = self.window(number);
@@ -65,7 +64,7 @@ impl Matcher<'_> {
             if from > seen.at {
                 break;
             }
-            if expected.allows(&seen.effect) && seen.at <= to {
+            if demand.allows(done, &seen.what) && seen.at <= to {
                 self.fulfil(number, seen);
                 return Ok(());
             }
@@ -98,7 +97,7 @@ impl Matcher<'_> {
         })
     }
 
-    /// When the next effect of a demand may happen: the first in the line's window,
+    /// When the next thing of a demand may happen: the first in the line's window,
     /// the others back to back.
     fn window(&self, number: usize) -> (Micros, Micros) {
         let demand = &self.demands[number];
@@ -129,7 +128,8 @@ pub(crate) fn first_difference(base: &[Seen], seen: &[Seen]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::effect::Effect;
+    use softplug_abi::JobId;
+    use softplug_link::Observed;
 
     fn bytes(from: i64, to: i64, bytes: &[u8]) -> Demand {
         let what = Demanded::Bytes(bytes.to_vec());
@@ -137,16 +137,17 @@ mod tests {
     }
 
     fn done(at: i64, id: u32) -> Demand {
-        let what = Demanded::Effect(Effect::Done { id, sent: None });
+        let what = Observed::Done { job: JobId(id), sent: 0 };
+        let what = Demanded::Once { what, is_counted: false };
         Demand { from: Micros(at), to: Micros(at), line: 0, what }
     }
 
-    fn seen(list: &[(i64, Effect)]) -> Vec<Seen> {
-        list.iter().map(|(at, effect)| Seen { at: Micros(*at), effect: effect.clone() }).collect()
+    fn seen(list: &[(i64, Observed)]) -> Vec<Seen> {
+        list.iter().map(|(at, what)| Seen { at: Micros(*at), what: what.clone() }).collect()
     }
 
     fn sent(list: &[(i64, u8)]) -> Vec<Seen> {
-        seen(&list.iter().map(|(at, byte)| (*at, Effect::Byte(*byte))).collect::<Vec<_>>())
+        seen(&list.iter().map(|(at, byte)| (*at, Observed::Byte(*byte))).collect::<Vec<_>>())
     }
 
     fn judge(demands: &[Demand], seen: &[Seen]) -> Result<(), Mismatch> {
@@ -190,7 +191,7 @@ mod tests {
             Mismatch { at: Micros(5_000), due: Micros(5_000), expected: None, observed: Some(1) };
         assert_eq!(judge(&demands, &extra), Err(mismatch));
         let other =
-            seen(&[(0, Effect::Byte(b'A')), (1_042, Effect::Done { id: 1, sent: Some(1) })]);
+            seen(&[(0, Observed::Byte(b'A')), (1_042, Observed::Done { job: JobId(1), sent: 1 })]);
         assert!(judge(&demands, &other).is_err());
     }
 
@@ -209,17 +210,18 @@ mod tests {
     #[test]
     fn lines_of_one_kind_and_time_have_an_order() {
         let demands = [done(5, 1), done(5, 2)];
-        let effect = |id| (5, Effect::Done { id, sent: Some(0) });
-        assert_eq!(judge(&demands, &seen(&[effect(1), effect(2)])), Ok(()));
+        let done = |id| (5, Observed::Done { job: JobId(id), sent: 0 });
+        assert_eq!(judge(&demands, &seen(&[done(1), done(2)])), Ok(()));
         let mismatch =
             Mismatch { at: Micros(5), due: Micros(5), expected: Some((0, 0)), observed: Some(0) };
-        assert_eq!(judge(&demands, &seen(&[effect(2), effect(1)])), Err(mismatch));
+        assert_eq!(judge(&demands, &seen(&[done(2), done(1)])), Err(mismatch));
     }
 
     #[test]
     fn lines_of_different_kinds_have_none() {
         let demands = [done(5, 1), bytes(5, 5, b"A")];
-        let both = seen(&[(5, Effect::Byte(b'A')), (5, Effect::Done { id: 1, sent: Some(0) })]);
+        let both =
+            seen(&[(5, Observed::Byte(b'A')), (5, Observed::Done { job: JobId(1), sent: 0 })]);
         assert_eq!(judge(&demands, &both), Ok(()));
     }
 

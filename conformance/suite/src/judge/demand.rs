@@ -3,11 +3,12 @@
 use crate::given::case::Case;
 use crate::given::fields::records;
 use crate::given::lines::modem_lines;
-use crate::given::timeline::{NotPossible, TimelineError, failure, micros};
-use crate::run::effect::{Delivered, Effect};
-use softplug_abi::Micros;
+use crate::given::timeline::{NotPossible, TimelineError, micros};
+use crate::run::seen::{Channel, channel};
 use softplug_abi::manifest::Manifest;
-use softplug_trace::{Assignment, CheckFault, DeliveryEnd, Entry, Expected, Payload, What};
+use softplug_abi::{DeliveryId, JobId, Micros, RequestId};
+use softplug_link::{Delivery, Observed};
+use softplug_trace::{Entry, Expected, Payload, What};
 
 /// A line of a trace that demands something.
 #[derive(Clone, Debug)]
@@ -23,23 +24,54 @@ pub(crate) struct Demand {
 pub(crate) enum Demanded {
     /// Characters back to back.
     Bytes(Vec<u8>),
-    Effect(Effect),
+    /// This has to be seen. What has left for a job is looked at only if it is counted.
+    Once { what: Observed, is_counted: bool },
 }
 
 impl Demand {
-    /// How many effects it takes.
+    /// How many things it takes to be seen.
     pub(crate) fn length(&self) -> usize {
         match &self.what {
             Demanded::Bytes(bytes) => bytes.len(),
-            Demanded::Effect(_) => 1,
+            Demanded::Once { .. } => 1,
         }
     }
 
-    /// The effect with this number, from 0.
-    pub(crate) fn effect(&self, number: usize) -> Effect {
+    /// The thing with this number, from 0.
+    pub(crate) fn thing(&self, number: usize) -> Observed {
         match &self.what {
-            Demanded::Bytes(bytes) => Effect::Byte(bytes[number]),
-            Demanded::Effect(effect) => effect.clone(),
+            Demanded::Bytes(bytes) => Observed::Byte(bytes[number]),
+            Demanded::Once { what, .. } => what.clone(),
+        }
+    }
+
+    pub(crate) fn channel(&self) -> Option<Channel> {
+        match &self.what {
+            Demanded::Bytes(_) => Some(Channel::Wire),
+            Demanded::Once { what, .. } => channel(what),
+        }
+    }
+
+    pub(crate) fn is_counted(&self) -> bool {
+        !matches!(self.what, Demanded::Once { is_counted: false, .. })
+    }
+
+    /// Whether `observed` is the thing with this number.
+    pub(crate) fn allows(&self, number: usize, observed: &Observed) -> bool {
+        match (&self.what, observed) {
+            (Demanded::Bytes(bytes), observed) => *observed == Observed::Byte(bytes[number]),
+            (
+                Demanded::Once { what: Observed::Done { job, .. }, is_counted: false },
+                Observed::Done { job: own, .. },
+            ) => job == own,
+            (
+                Demanded::Once {
+                    what: Observed::Failed { job, failure, status, .. },
+                    is_counted: false,
+                },
+                Observed::Failed { job: own, failure: why, status: code, .. },
+            ) => (job, failure, status) == (own, why, code),
+            (Demanded::Once { what, .. }, observed) => what == observed,
         }
     }
 }
@@ -50,78 +82,95 @@ pub(crate) fn demands(
     manifest: &Manifest,
     timeline: &[&Entry],
 ) -> Result<Vec<Demand>, TimelineError> {
-    let expected = timeline.iter().filter(|entry| entry.what.is_expectation());
     let demand = |entry: &&Entry| {
-        let what = demanded(case, manifest, &entry.what).map_err(|error| error.at(entry.line.0))?;
-        let (from, to) = (micros(entry.when.from), micros(entry.when.to));
-        Ok(Demand { from, to, line: entry.line.0, what })
+        let What::Expected(expected) = &entry.what else { return None };
+        let (from, to, line) = (micros(entry.when.from), micros(entry.when.to), entry.line.0);
+        let what = demanded(case, manifest, expected).map_err(|error| error.at(line));
+        Some(what.map(|what| Demand { from, to, line, what }))
     };
-    expected.map(demand).collect()
+    timeline.iter().filter_map(demand).collect()
 }
 
-fn demanded(case: &Case, manifest: &Manifest, what: &What) -> Result<Demanded, NotPossible> {
-    let bytes = |payload: &Payload| payload.bytes(&case.files());
-    Ok(Demanded::Effect(match what {
-        What::Send(payload) => return Ok(Demanded::Bytes(bytes(payload)?)),
-        What::SendBreak(micros) => Effect::Break(*micros),
-        What::SetLines(levels) => {
-            let (named, on) = modem_lines(levels);
-            Effect::Lines(named, on)
-        }
-        What::Act(Expected::Deliver { id, data, end, status, name }) => {
-            Effect::Deliver(Delivered {
-                id: *id,
-                bytes: bytes(data)?,
-                failure: match end {
-                    DeliveryEnd::Complete => None,
-                    DeliveryEnd::Failed(code) => Some(failure(code)?),
-                },
-                status: status.unwrap_or(0),
-                name: name.clone(),
-            })
-        }
-        What::Act(Expected::Done { id, sent }) => Effect::Done { id: *id, sent: *sent },
-        What::Act(Expected::Fail { id, code, status, sent }) => Effect::Fail {
-            id: *id,
-            failure: failure(code)?,
-            status: status.unwrap_or(0),
-            sent: *sent,
-        },
-        What::Act(Expected::Check { id, fault }) => check(*id, fault.as_ref())?,
-        What::Act(Expected::Request { id, kind, fields }) => request(manifest, *id, kind, fields)?,
-        What::Act(Expected::Withdraw(id)) => Effect::Withdraw(*id),
-        What::Receive(_)
-        | What::Burst(_)
-        | What::Line(_)
-        | What::Host(_)
-        | What::Exact(_)
-        | What::Quiet => {
-            unreachable!("only expectations are asked for")
-        }
-    }))
-}
-
-fn check(id: u32, fault: Option<&CheckFault>) -> Result<Effect, NotPossible> {
-    let Some(fault) = fault else {
-        return Ok(Effect::Check { id, failure: None, status: 0, line: 0, column: 0 });
-    };
-    Ok(Effect::Check {
-        id,
-        failure: Some(failure(&fault.code)?),
-        status: fault.status.unwrap_or(0),
-        line: fault.line.unwrap_or(0),
-        column: fault.column.unwrap_or(0),
-    })
-}
-
-fn request(
+fn demanded(
+    case: &Case,
     manifest: &Manifest,
-    id: u32,
-    kind: &str,
-    fields: &[Assignment],
-) -> Result<Effect, NotPossible> {
-    let place = manifest.requests.iter().position(|known| known.name == kind);
-    let place = place.ok_or_else(|| NotPossible::Request(kind.to_owned()))?;
-    let fields = records(&manifest.requests[place], fields)?;
-    Ok(Effect::Request { id, kind: place as u16, fields })
+    expected: &Expected,
+) -> Result<Demanded, NotPossible> {
+    let bytes = |payload: &Payload| payload.bytes(&case.files());
+    let mut is_counted = true;
+    let mut count = |sent: &Option<u64>| {
+        is_counted = sent.is_some();
+        sent.unwrap_or(0)
+    };
+    let what = match expected {
+        Expected::Send(payload) => return Ok(Demanded::Bytes(bytes(payload)?)),
+        Expected::SendBreak(micros) => Observed::Break(*micros),
+        Expected::SetLines(levels) => {
+            let (named, on) = modem_lines(levels);
+            Observed::ModemLines(named, on)
+        }
+        Expected::Deliver { id, data, failure, status, name } => Observed::Delivery(Delivery {
+            id: DeliveryId(*id),
+            job: JobId::NONE,
+            bytes: bytes(data)?,
+            name: name.clone(),
+            failure: *failure,
+            status: *status,
+        }),
+        Expected::Done { id, sent } => Observed::Done { job: JobId(*id), sent: count(sent) },
+        Expected::Fail { id, failure, status, sent } => Observed::Failed {
+            job: JobId(*id),
+            failure: *failure,
+            status: *status,
+            sent: count(sent),
+        },
+        Expected::Check { id, failure, status, line, column } => Observed::Checked {
+            job: JobId(*id),
+            failure: *failure,
+            status: *status,
+            line: *line,
+            column: *column,
+        },
+        Expected::Request { id, kind, fields } => {
+            let place = manifest.requests.iter().position(|known| known.name == *kind);
+            let place = place.ok_or_else(|| NotPossible::Request(kind.clone()))?;
+            let fields = records(&manifest.requests[place], fields)?;
+            Observed::Request { request: RequestId(*id), kind: place as u16, fields }
+        }
+        Expected::Withdraw(id) => Observed::Withdraw(RequestId(*id)),
+    };
+    Ok(Demanded::Once { what, is_counted })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use softplug_abi::Failure;
+
+    fn failed(job: u32, failure: Failure, status: u16, sent: u64) -> Observed {
+        Observed::Failed { job: JobId(job), failure, status, sent }
+    }
+
+    fn done(job: u32, sent: u64) -> Observed {
+        Observed::Done { job: JobId(job), sent }
+    }
+
+    fn demand(what: Observed, is_counted: bool) -> Demand {
+        let what = Demanded::Once { what, is_counted };
+        Demand { from: Micros::ZERO, to: Micros::ZERO, line: 0, what }
+    }
+
+    #[test]
+    fn only_a_count_that_is_not_named_is_open() {
+        let open = demand(failed(1, Failure::NoAnswer, 7, 0), false);
+        assert!(open.allows(0, &failed(1, Failure::NoAnswer, 7, 3)));
+        assert!(!open.allows(0, &failed(2, Failure::NoAnswer, 7, 3)));
+        assert!(!open.allows(0, &failed(1, Failure::Refused, 7, 3)));
+        assert!(!open.allows(0, &failed(1, Failure::NoAnswer, 8, 3)));
+        let exact = demand(failed(1, Failure::NoAnswer, 7, 3), true);
+        assert!(!exact.allows(0, &failed(1, Failure::NoAnswer, 7, 4)));
+        assert!(demand(done(1, 0), false).allows(0, &done(1, 3)));
+        assert!(!demand(done(1, 0), false).allows(0, &done(2, 3)));
+        assert!(!demand(done(1, 3), true).allows(0, &done(1, 4)));
+    }
 }

@@ -5,12 +5,12 @@ use super::demand::Demand;
 use crate::given::case::Case;
 use crate::given::lines::line_parameters;
 use crate::run::back_to_back::Run;
-use crate::run::effect::Effect;
-use crate::run::outcome::Seen;
+use crate::run::seen::Seen;
 use crate::run::transcript;
 use serde::Serialize;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{LineParameters, Micros};
+use softplug_link::Observed;
 use std::fmt;
 
 /// Bytes shown on either side of the difference.
@@ -59,8 +59,10 @@ impl Divergence {
             rest(demand, done, due, line_parameters(&case.trace.front.line))
         });
         let line = mismatch.expected.map(|(number, _)| demands[number].line);
+        let is_counted = mismatch.expected.is_none_or(|(number, _)| demands[number].is_counted());
+        let demanded = (&demanded.unwrap_or_default()[..], is_counted);
         let place = mismatch.observed.unwrap_or(seen.len());
-        Self::new(case, manifest, mismatch.at, line, &demanded.unwrap_or_default(), seen, place)
+        Self::new(case, manifest, mismatch.at, line, demanded, seen, place)
     }
 
     /// Between two runs that should be the same.
@@ -73,7 +75,7 @@ impl Divergence {
     ) -> Self {
         let at = [base.get(place), seen.get(place)].into_iter().flatten().map(|seen| seen.at).min();
         let at = at.unwrap_or_default();
-        Self::new(case, manifest, at, None, &base[place.min(base.len())..], seen, place)
+        Self::new(case, manifest, at, None, (&base[place.min(base.len())..], true), seen, place)
     }
 
     fn new(
@@ -81,13 +83,13 @@ impl Divergence {
         manifest: &Manifest,
         at: Micros,
         line: Option<u32>,
-        demanded: &[Seen],
+        (demanded, is_counted): (&[Seen], bool),
         seen: &[Seen],
         place: usize,
     ) -> Self {
         let (before, observed) = seen.split_at(place.min(seen.len()));
-        let text = |ahead: &[Seen]| {
-            let next = transcript::next(case, manifest, ahead);
+        let text = |ahead: &[Seen], is_counted: bool| {
+            let next = transcript::next(case, manifest, ahead, is_counted);
             let is_later = ahead.first().is_some_and(|first| first.at > at);
             if is_later { format!("nothing; then {next}") } else { next }
         };
@@ -98,8 +100,8 @@ impl Divergence {
         Self {
             at_us: at.0,
             line,
-            expected: Side { text: text(demanded), bytes: expected_bytes },
-            observed: Side { text: text(observed), bytes: observed_bytes },
+            expected: Side { text: text(demanded, is_counted), bytes: expected_bytes },
+            observed: Side { text: text(observed, true), bytes: observed_bytes },
         }
     }
 }
@@ -109,16 +111,13 @@ fn now(ahead: &[Seen], at: Micros) -> &[Seen] {
     if ahead.first().is_some_and(|first| first.at > at) { &[] } else { ahead }
 }
 
-/// What is left of a demand from its effect `done` on, which is due at `at`. The times of
+/// What is left of a demand from its thing `done` on, which is due at `at`. The times of
 /// the bytes behind it are those of a line that begins there.
 fn rest(demand: &Demand, done: usize, at: Micros, line: LineParameters) -> Vec<Seen> {
     let last = demand.length().min(done + AROUND);
-    let effects = (done..last).enumerate();
-    effects
-        .map(|(n, number)| Seen {
-            at: at + line.characters(n as u64),
-            effect: demand.effect(number),
-        })
+    let things = (done..last).enumerate();
+    things
+        .map(|(n, number)| Seen { at: at + line.characters(n as u64), what: demand.thing(number) })
         .collect()
 }
 
@@ -130,9 +129,9 @@ fn bytes(
     before: &[Seen],
     line: LineParameters,
 ) -> (Vec<u8>, Vec<u8>) {
-    let first = |seen: &[Seen]| seen.first().map(|seen| seen.effect.clone());
+    let first = |seen: &[Seen]| seen.first().map(|seen| seen.what.clone());
     match (first(demanded), first(observed)) {
-        (Some(Effect::Deliver(expected)), Some(Effect::Deliver(observed)))
+        (Some(Observed::Delivery(expected)), Some(Observed::Delivery(observed)))
             if expected.bytes != observed.bytes =>
         {
             let same = expected.bytes.iter().zip(&observed.bytes);
@@ -143,14 +142,14 @@ fn bytes(
             };
             (around(&expected.bytes), around(&observed.bytes))
         }
-        (Some(Effect::Byte(_)), _) | (_, Some(Effect::Byte(_))) => {
+        (Some(Observed::Byte(_)), _) | (_, Some(Observed::Byte(_))) => {
             let before = sent(before);
             let before = before[before.len().saturating_sub(AROUND)..].to_vec();
             // As far as they follow each other at once.
             let ahead = |seen: &[Seen]| -> Vec<u8> {
                 let mut run = Run::new(line);
-                let bytes = seen.iter().enumerate().map_while(|(number, seen)| match seen.effect {
-                    Effect::Byte(byte) if run.add(seen.at) || number == 0 => Some(byte),
+                let bytes = seen.iter().enumerate().map_while(|(number, seen)| match seen.what {
+                    Observed::Byte(byte) if run.add(seen.at) || number == 0 => Some(byte),
                     _ => None,
                 });
                 before.iter().copied().chain(bytes.take(AROUND)).collect()
@@ -162,8 +161,8 @@ fn bytes(
 }
 
 fn sent(seen: &[Seen]) -> Vec<u8> {
-    let byte = |seen: &Seen| match seen.effect {
-        Effect::Byte(byte) => Some(byte),
+    let byte = |seen: &Seen| match seen.what {
+        Observed::Byte(byte) => Some(byte),
         _ => None,
     };
     seen.iter().filter_map(byte).collect()

@@ -10,10 +10,11 @@ use crate::given::timeline::TimelineError;
 use crate::random::{GroupRun, SessionGroup, Sessions};
 use crate::run::class::Class;
 use crate::run::fault::{Fault, FaultClass};
-use crate::run::outcome::{Outcome, Seen};
+use crate::run::outcome::Outcome;
 use crate::run::permute::Permutation;
 use crate::run::plan::permutations;
 use crate::run::replay::replay;
+use crate::run::seen::Seen;
 use crate::run::subject::Subject;
 use crate::run::transcript;
 use crate::script::{Script, ScriptRun};
@@ -376,7 +377,7 @@ pub(crate) fn pure(id: &str, seen: &[Seen], failure: Option<&Failure>) -> String
     let verdict = failure.map_or("passed", |failure| failure.class.text());
     let mut text = format!("{id}\n{verdict}\n");
     for seen in seen {
-        let _ = writeln!(text, "{} {:?}", seen.at, seen.effect);
+        let _ = writeln!(text, "{seen}");
     }
     text
 }

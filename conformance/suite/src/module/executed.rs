@@ -8,7 +8,7 @@ use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Event, Instance, Micros, Output};
 use softplug_explore::Marked;
-use softplug_host::{Host, Plugin, Session, SessionFault};
+use softplug_host::{Host, Inspection, Plugin, Session, SessionFault};
 use softplug_report::{Coverage, Place};
 use std::sync::{Arc, Mutex};
 use wasmparser::{ElementItems, ExternalKind, Parser, Payload};
@@ -153,9 +153,14 @@ impl Places {
     }
 
     /// The plug-in, made so that it says what it executes.
-    pub(crate) fn watch(&self, host: &Host, module: &[u8]) -> Result<Watcher, MeasureError> {
+    pub(crate) fn watch(
+        &self,
+        host: &Host,
+        module: &[u8],
+        inspection: &Inspection,
+    ) -> Result<Watcher, MeasureError> {
         let Marked { wasm, globals, .. } = self.marked(module)?;
-        let plugin = host.load_instrumented(module, &wasm)?;
+        let plugin = host.load_instrumented(inspection, &wasm)?;
         Ok(Watcher { plugin, words: globals.into(), executed: Arc::default() })
     }
 
@@ -407,14 +412,14 @@ impl Drop for WatchedSession {
 mod tests {
     use super::*;
     use softplug_abi::{LineParameters, Parity};
-    use softplug_host::HostOptions;
+    use softplug_host::{HostOptions, lint};
 
     /// An echo that has room for one byte, opened and given events.
     fn executed(events: &[Event<'_>]) -> Share {
         let module = wat::parse_file("../../fixtures/abi/echo.wat").unwrap();
         let host = Host::new(HostOptions::default()).unwrap();
         let places = Places::of(&module).unwrap();
-        let watcher = places.watch(&host, &module).unwrap();
+        let watcher = places.watch(&host, &module, &lint(&module).unwrap()).unwrap();
         let mut session = watcher.instantiate().unwrap();
         let line =
             LineParameters { baud: 9_600, data_bits: 8, parity: Parity::None, stop_half_bits: 2 };

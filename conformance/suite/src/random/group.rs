@@ -5,15 +5,13 @@ use super::trace;
 use crate::given::ledger::Ledger;
 use crate::run::class::Class;
 use crate::run::fault::FaultClass;
+#[cfg(feature = "wasmtime")]
+use crate::run::seen::Seen;
 use crate::run::subject::{Fuel, Subject};
 use crate::run::watched::{Meter, Watched};
 use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
-#[cfg(feature = "wasmtime")]
-use softplug_abi::Micros;
-#[cfg(feature = "wasmtime")]
-use softplug_models::Effect;
-use softplug_models::{Finding, Profile, Ran, Session};
+use softplug_models::{Effect, Finding, Profile, Ran, Session};
 use softplug_report::Level;
 use softplug_trace::Trace;
 use std::rc::Rc;
@@ -112,8 +110,8 @@ pub(crate) struct SessionRun {
 impl SessionRun {
     /// All that the plug-in did.
     #[cfg(feature = "wasmtime")]
-    pub(crate) fn effects(&self) -> &[(Micros, Effect)] {
-        &self.ran.effects
+    pub(crate) fn seen(&self) -> Vec<Seen> {
+        trace::seen(&self.ran)
     }
 }
 
@@ -160,10 +158,13 @@ impl SessionGroup {
             }
             let Some(run) = self.session(subject, sessions.seed, number) else { continue };
             group.runs += 1;
-            group.effects += run.ran.effects.len() as u64;
+            group.effects += run.ran.observed.len() as u64;
             group.fuel.total = group.fuel.total.saturating_add(run.fuel.total);
             group.fuel.largest = group.fuel.largest.max(run.fuel.largest);
-            digest.update(format!("{:?}\n", run.ran.effects));
+            let told = run.ran.observed.iter();
+            let told = told.map(|(at, observed)| (at, Effect::of(observed, subject.manifest())));
+            let told = told.filter_map(|(at, effect)| Some((at, effect?)));
+            digest.update(format!("{:?}\n", told.collect::<Vec<_>>()));
             if self.is_failed(&run, features) {
                 group.failures.push(self.failed(subject, run, number));
                 if group.failures.len() == FAILURES {

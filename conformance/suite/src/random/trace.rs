@@ -1,19 +1,16 @@
 //! A session as a trace: what was given, what the plug-in did, and what is wrong.
 
-use crate::given::lines::{
-    assignments, damaged, down_reason_name, entry, line_settings, modem_levels,
-};
-use crate::run::effect::{Delivered, Effect};
-use crate::run::outcome::Seen;
+use crate::given::lines::{assignments, damaged, entry, line_settings, modem_levels};
+use crate::run::seen::Seen;
 use crate::run::transcript;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Micros, ModemLines};
 use softplug_models::{
-    Effect as Did, Finding, Given, HostRequest as Asked, LineInput, Profile, Ran, Session, Step,
+    Finding, Given, HostRequest as Asked, LineInput, Profile, Ran, Session, Step,
 };
 use softplug_trace::{
-    Drain, Entry, FrontMatter, HostRequest, Level, Line, LineEvent, ModemLevels, Origin, Payload,
-    Permutations, Room, Trace, What,
+    self as trace, Drain, Entry, FrontMatter, HostRequest, Level, Line, LineEvent, ModemLevels,
+    Origin, Payload, Permutations, Room, Trace, What,
 };
 
 /// Bytes that stand on one line.
@@ -27,21 +24,16 @@ pub(super) fn of_session(
     manifest: &Manifest,
 ) -> Trace {
     let conditions = &session.conditions;
-    let seen: Vec<Seen> = ran
-        .effects
-        .iter()
-        .filter_map(|(at, did)| Some(Seen { at: *at, effect: effect(did, manifest)? }))
-        .collect();
     let known = conditions.modem_lines.map_or(ModemLines::default(), |(known, _)| known);
     // The first step opens the link, which a trace does by itself.
     let mut entries: Vec<Entry> = ran
         .steps
         .iter()
         .skip(1)
-        .filter_map(|(at, step)| Some(entry(*at, given_as(step, known)?)))
+        .filter_map(|(at, step)| Some(entry(*at, What::Given(given_as(step, known)?))))
         .collect();
     let is_cut = |at: Micros| entries.iter().any(|entry| micros(entry) == at);
-    entries.extend(transcript::entries(conditions.line, manifest, &seen, BYTES, is_cut));
+    entries.extend(transcript::entries(conditions.line, manifest, &seen(ran), BYTES, is_cut));
     entries.sort_by_key(|entry| entry.when.from);
     let mut body: Vec<Line> = entries.into_iter().map(Line::Entry).collect();
     if conditions.clock > Micros::ZERO {
@@ -84,33 +76,38 @@ pub(super) fn of_session(
     Trace { front, body }
 }
 
+/// All that the plug-in did.
+pub(super) fn seen(ran: &Ran) -> Vec<Seen> {
+    ran.observed.iter().filter_map(|(at, what)| Seen::of(*at, what.clone())).collect()
+}
+
 fn micros(entry: &Entry) -> Micros {
     crate::given::timeline::micros(entry.when.from)
 }
 
 /// `None` for what is no line of a trace: time that goes by, and modem lines that the port has not.
-pub(crate) fn given_as(step: &Step, known: ModemLines) -> Option<What> {
+pub(crate) fn given_as(step: &Step, known: ModemLines) -> Option<trace::Given> {
     Some(match step {
-        Step::Swap => What::Host(HostRequest::Swap),
+        Step::Swap => trace::Given::Host(HostRequest::Swap),
         Step::Given(Given::Nothing) => return None,
         Step::Given(Given::Line(LineInput::ModemLines(named, _))) if named.0 & known.0 == 0 => {
             return None;
         }
         Step::Given(Given::Line(input)) => heard(input, known),
-        Step::Given(Given::Host(request)) => What::Host(asked(request)),
+        Step::Given(Given::Host(request)) => trace::Given::Host(asked(request)),
     })
 }
 
-fn heard(input: &LineInput, known: ModemLines) -> What {
+fn heard(input: &LineInput, known: ModemLines) -> trace::Given {
     match input {
-        LineInput::Bytes(bytes) => What::Receive(Payload::hex(bytes)),
+        LineInput::Bytes(bytes) => trace::Given::Receive(Payload::hex(bytes)),
         LineInput::Damaged { kind, byte, span } => damaged(*kind, *byte, *span),
         LineInput::ModemLines(named, on) => {
             let named = ModemLines(named.0 & known.0);
-            What::Line(LineEvent::Modem(modem_levels(named, *on)))
+            trace::Given::Line(LineEvent::Modem(modem_levels(named, *on)))
         }
-        LineInput::Down(reason) => What::Line(LineEvent::Down(down_reason_name(*reason))),
-        LineInput::Up => What::Line(LineEvent::Up),
+        LineInput::Down(reason) => trace::Given::Line(LineEvent::Down(*reason)),
+        LineInput::Up => trace::Given::Line(LineEvent::Up),
     }
 }
 
@@ -134,41 +131,6 @@ fn asked(request: &Asked) -> HostRequest {
         Asked::Answer(id, Ok(data)) => {
             HostRequest::Grant { id: *id, data: Payload::from_bytes(data) }
         }
-        Asked::Answer(id, Err(failure)) => {
-            HostRequest::Refuse { id: *id, code: failure.name().to_owned() }
-        }
+        Asked::Answer(id, Err(failure)) => HostRequest::Refuse { id: *id, failure: *failure },
     }
-}
-
-fn effect(did: &Did, manifest: &Manifest) -> Option<Effect> {
-    Some(match did {
-        Did::Byte(byte) => Effect::Byte(*byte),
-        Did::Break(micros) => Effect::Break(*micros),
-        Did::ModemLines(named, on) => Effect::Lines(*named, *on),
-        Did::Delivered { id, bytes, name, failure, status } => Effect::Deliver(Delivered {
-            id: *id,
-            bytes: bytes.clone(),
-            failure: *failure,
-            status: *status,
-            name: name.clone(),
-        }),
-        Did::Done { job, sent } => Effect::Done { id: *job, sent: Some(*sent) },
-        Did::Failed { job, failure, status, sent } => {
-            Effect::Fail { id: *job, failure: *failure, status: *status, sent: Some(*sent) }
-        }
-        Did::Checked { job, failure, status, line, column } => Effect::Check {
-            id: *job,
-            failure: *failure,
-            status: *status,
-            line: *line,
-            column: *column,
-        },
-        Did::Requested { id, kind, fields } => {
-            let place = manifest.requests.iter().position(|known| known.name == *kind)?;
-            let named = fields.iter().map(|(name, value)| (name.as_str(), value.as_str()));
-            let fields = manifest.requests[place].records(named).ok()?;
-            Effect::Request { id: *id, kind: place as u16, fields }
-        }
-        Did::Withdrawn(id) => Effect::Withdraw(*id),
-    })
 }

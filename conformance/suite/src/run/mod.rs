@@ -4,7 +4,6 @@
 pub(crate) mod back_to_back;
 pub(crate) mod class;
 pub(crate) mod cut;
-pub(crate) mod effect;
 pub(crate) mod erased;
 pub(crate) mod fault;
 pub(crate) mod outcome;
@@ -13,6 +12,7 @@ pub(crate) mod permute;
 pub(crate) mod plan;
 pub(crate) mod replay;
 pub(crate) mod rerun;
+pub(crate) mod seen;
 pub(crate) mod subject;
 pub(crate) mod transcript;
 pub(crate) mod watched;

@@ -1,7 +1,7 @@
 //! What a run of a trace or a recording showed.
 
-use super::effect::Effect;
 use super::fault::Fault;
+use super::seen::Seen;
 use super::subject::Fuel;
 use softplug_abi::Micros;
 
@@ -24,17 +24,6 @@ pub struct Outcome {
     pub fuel: Fuel,
     /// Bytes that came, left, and were delivered.
     pub bytes: u64,
-}
-
-/// An effect at its time.
-///
-/// The example of [`replay`](crate::replay) shows some.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Seen {
-    /// When, on the trace's clock.
-    pub at: Micros,
-    /// What.
-    pub effect: Effect,
 }
 
 impl Outcome {

@@ -9,7 +9,7 @@ use crate::given::case::Case;
 use crate::given::timeline::micros;
 use softplug_abi::{DeliveryId, Event, EventKind, JobId, Micros, Pass, RequestId};
 use softplug_link::{Recorder, Rerun, UnderWay};
-use softplug_trace::{Assignment, Entry, Exact, PayloadError, What};
+use softplug_trace::{Assignment, Entry, Exact, Given, PayloadError, What};
 use std::rc::Rc;
 
 /// Nothing is demanded of the plug-in but that it does not fail.
@@ -32,7 +32,7 @@ fn run<S: Subject>(
         .map_err(|error| Fault::new(FaultClass::NotStarted, Micros::ZERO, &error))?;
     let mut entries = case.trace.entries().filter(|entry| entry.what != What::Quiet).peekable();
     let under_way = match entries.peek().map(|entry| &entry.what) {
-        Some(What::Exact(Exact::UnderWay(facts))) => {
+        Some(What::Given(Given::Exact(Exact::UnderWay(facts)))) => {
             let known = under_way(facts).map_err(|error| unfit(&error.to_string()))?;
             entries.next();
             known
@@ -82,7 +82,7 @@ fn unfit(reason: &str) -> Fault {
 }
 
 fn event(case: &Case, entry: &Entry) -> Result<(EventKind, Vec<u8>), Unfit> {
-    let What::Exact(Exact::Event { name, payload }) = &entry.what else {
+    let What::Given(Given::Exact(Exact::Event { name, payload })) = &entry.what else {
         return Err(Unfit::Line);
     };
     let kind = EventKind::from_name(name).ok_or_else(|| Unfit::Event(name.clone()))?;

@@ -1,14 +1,14 @@
 //! What was given and seen, as lines of a trace.
 
 use super::back_to_back::Run;
-use super::effect::Effect;
-use super::outcome::Seen;
+use super::seen::Seen;
 use crate::given::case::Case;
-use crate::given::lines::line_parameters;
+use crate::given::lines::{entry, line_parameters};
 use crate::given::timeline::micros;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{LineParameters, Micros};
-use softplug_trace::{Entry, Payload, SourceLine, Time, What, When};
+use softplug_link::Observed;
+use softplug_trace::{Entry, Expected, Payload, What};
 #[cfg(feature = "wasmtime")]
 use softplug_trace::{Line, Trace};
 
@@ -45,15 +45,13 @@ pub(crate) fn entries(
     let mut open: Option<(Micros, Vec<u8>)> = None;
     let close = |open: &mut Option<(Micros, Vec<u8>)>, entries: &mut Vec<Entry>| {
         if let Some((at, bytes)) = open.take() {
-            let when = When::at(Time(at.0.max(0) as u64));
-            let what = What::Send(payload(&bytes));
-            entries.push(Entry { when, what, line: SourceLine::default() });
+            entries.push(entry(at, What::Expected(Expected::Send(payload(&bytes)))));
         }
     };
     for seen in seen {
-        let Effect::Byte(byte) = seen.effect else {
+        let Observed::Byte(byte) = seen.what else {
             close(&mut open, &mut entries);
-            entries.push(seen.effect.entry(seen.at, manifest));
+            entries.extend(seen.entry(manifest));
             continue;
         };
         let follows = run.add(seen.at);
@@ -96,11 +94,17 @@ pub(crate) fn observed(case: &Case, manifest: &Manifest, seen: &[Seen]) -> Trace
     Trace { front: case.trace.front.clone(), body }
 }
 
-/// The first line of what follows.
-pub(crate) fn next(case: &Case, manifest: &Manifest, seen: &[Seen]) -> String {
+/// The first line of what follows; without the count of what has left, if it is not counted.
+pub(crate) fn next(case: &Case, manifest: &Manifest, seen: &[Seen], is_counted: bool) -> String {
     let ahead = &seen[..seen.len().min(BYTES)];
-    let entries = entries(line_of(case), manifest, ahead, BYTES, |_| false);
-    entries.first().map_or_else(|| "nothing".to_owned(), line)
+    let mut entries = entries(line_of(case), manifest, ahead, BYTES, |_| false);
+    let Some(first) = entries.first_mut() else { return "nothing".to_owned() };
+    if let What::Expected(Expected::Done { sent, .. } | Expected::Fail { sent, .. }) =
+        &mut first.what
+    {
+        *sent = sent.filter(|_| is_counted);
+    }
+    line(first)
 }
 
 fn line_of(case: &Case) -> LineParameters {

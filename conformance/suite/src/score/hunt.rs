@@ -9,8 +9,7 @@ use crate::module::executed::{Executed, MEASURING_FUEL, Places, Watcher};
 use crate::random::{Sessions, WHOLE};
 use crate::run::subject::Sandboxed;
 use softplug_abi::limits::FUEL_PER_EVENT;
-use softplug_abi::manifest::Manifest;
-use softplug_host::{EngineKind, Host, HostOptions, lint};
+use softplug_host::{EngineKind, Host, HostOptions, Inspection, lint};
 use softplug_report::{Score, Shown, Survivor};
 use std::collections::BTreeMap;
 use std::fmt::{Debug, Write};
@@ -106,9 +105,9 @@ pub fn score(
     stop: &AtomicBool,
 ) -> Result<Score, ScoreError> {
     let unfit = |error: &dyn std::fmt::Display| ScoreError::Module(error.to_string());
-    let manifest = lint(module).map_err(|error| unfit(&error))?.manifest;
+    let inspection = lint(module).map_err(|error| unfit(&error))?;
     let changeable = Changeable::new(module).map_err(|error| unfit(&error))?;
-    let hunter = Hunter::new(module, corpus, &manifest, options, stop)?;
+    let hunter = Hunter::new(module, corpus, &inspection, options, stop)?;
     let mut hunter = hunter.ok_or(ScoreError::Stopped)?;
     let sound = loaded(&hunter.compiled, module).ok_or_else(|| unfit(&"not loaded"))?;
     hunter.hold(&sound, options.threads, stop)?;
@@ -229,7 +228,7 @@ impl<'a> Hunter<'a> {
     fn new(
         module: &[u8],
         corpus: &'a Corpus,
-        manifest: &Manifest,
+        inspection: &Inspection,
         options: &ScoreOptions,
         stop: &AtomicBool,
     ) -> Result<Option<Self>, ScoreError> {
@@ -240,7 +239,8 @@ impl<'a> Hunter<'a> {
         };
         let mut features = BTreeMap::new();
         for ledger in &corpus.ledgers {
-            let claim = manifest.profiles.iter().find(|claim| claim.name == ledger.profile);
+            let claim =
+                inspection.manifest.profiles.iter().find(|claim| claim.name == ledger.profile);
             if let Some(claim) = claim {
                 features.insert(ledger.profile.as_str(), claim.features.clone());
             }
@@ -258,7 +258,8 @@ impl<'a> Hunter<'a> {
         let cases: Vec<_> = listed.filter(|case| counts(case) == Some(true)).collect();
         let places = Places::of(module).map_err(|error| unfit(&error))?;
         let measuring = host(EngineKind::Wasmtime, MEASURING_FUEL)?;
-        let watcher = places.watch(&measuring, module).map_err(|error| unfit(&error))?;
+        let watcher =
+            places.watch(&measuring, module, inspection).map_err(|error| unfit(&error))?;
         let sessions = Sessions { count: options.sessions, seed: options.seed };
         let extent = if options.permutations == 0 { Extent::Uncut } else { Extent::Whole };
         let threads = options.threads;
@@ -400,7 +401,7 @@ impl<'a> Hunter<'a> {
                 let features = &self.features[reaching.case.profile];
                 match group.session(subject, self.seed, *number) {
                     Some(run) => {
-                        let effects = Some(Effects::of(run.effects()));
+                        let effects = Some(Effects::of(run.seen()));
                         Ended { is_failed: group.is_failed(&run, features), effects }
                     }
                     None => Ended { is_failed: false, effects: None },

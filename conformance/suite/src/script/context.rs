@@ -4,7 +4,7 @@ use super::failure::Outcome;
 use super::play::Play;
 use super::setup::Setup;
 use crate::run::erased::{Anything, Starts};
-use crate::run::outcome::Seen;
+use crate::run::seen::Seen;
 use crate::run::subject::Fuel;
 use crate::run::transcript;
 use softplug_abi::LineParameters;

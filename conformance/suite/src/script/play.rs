@@ -2,11 +2,10 @@
 
 use super::failure::{Outcome, diverged, not_applicable};
 use super::setup::Setup;
-use crate::run::effect::Effect;
 use crate::run::erased::{Anything, Boxed, Erased};
 use crate::run::fault::WatchedFault;
 use crate::run::fault::{Fault, FaultClass};
-use crate::run::outcome::Seen;
+use crate::run::seen::Seen;
 use crate::run::subject::{Fuel, SubjectError};
 use crate::run::watched::{Meter, Watched};
 use softplug_abi::manifest::Manifest;
@@ -57,16 +56,9 @@ impl<'a, P: Partner> Play<'a, P> {
         // The instance counts its fuel when it goes.
         drop(line);
         let observed = host.observed.into_iter();
-        let mut seen: Vec<Seen> = observed
-            .filter_map(|(at, what)| Some(Seen { at, effect: Effect::of(what)? }))
-            .collect();
-        seen.sort_by_key(|seen| (seen.at, seen.effect.channel()));
-        let bytes = |seen: &Seen| match &seen.effect {
-            Effect::Byte(_) => 1,
-            Effect::Deliver(delivered) => delivered.bytes.len() as u64,
-            _ => 0,
-        };
-        let bytes = seen.iter().map(bytes).sum();
+        let mut seen: Vec<Seen> = observed.filter_map(|(at, what)| Seen::of(at, what)).collect();
+        seen.sort_by_key(|seen| (seen.at, seen.channel()));
+        let bytes = seen.iter().map(Seen::bytes).sum();
         (seen, meter.fuel.get(), bytes)
     }
 

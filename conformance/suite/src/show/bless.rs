@@ -4,13 +4,13 @@ use crate::given::case::Case;
 use crate::given::lines::line_parameters;
 use crate::given::timeline::micros;
 use crate::judge::run::Judge;
-use crate::run::effect::Effect;
 use crate::run::fault::Fault;
-use crate::run::outcome::Seen;
 use crate::run::permute::Permutation;
+use crate::run::seen::Seen;
 use crate::run::transcript;
 use crate::show::sent::{self, Held, Lost};
 use softplug_abi::Micros;
+use softplug_link::Observed;
 use softplug_trace::{BlessError, Expected, Trace, What};
 use std::collections::BTreeSet;
 
@@ -135,13 +135,13 @@ fn failures(case: &Case, seen: &[Seen]) -> Vec<(u32, Micros, &'static str)> {
         .into_iter()
         .flatten()
         .filter_map(|entry| match &entry.what {
-            What::Act(Expected::Fail { id, .. }) => Some(*id),
+            What::Expected(Expected::Fail { id, .. }) => Some(*id),
             _ => None,
         })
         .collect();
-    let failed = seen.iter().filter_map(|seen| match &seen.effect {
-        Effect::Fail { id, failure, .. } if !said.contains(id) => {
-            Some((*id, seen.at, failure.name()))
+    let failed = seen.iter().filter_map(|seen| match &seen.what {
+        Observed::Failed { job, failure, .. } if !said.contains(&job.0) => {
+            Some((job.0, seen.at, failure.name()))
         }
         _ => None,
     });
@@ -161,7 +161,7 @@ pub(crate) fn with_seen(
     for entry in case.trace.entries() {
         let from = micros(entry.when.from);
         places.insert(from);
-        if let What::Send(payload) = &entry.what
+        if let What::Expected(Expected::Send(payload)) = &entry.what
             && let Some(length) = payload.length()
         {
             places.insert(from + line.characters(length));

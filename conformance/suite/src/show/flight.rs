@@ -2,14 +2,14 @@
 //! plug-in sent is not.
 
 use crate::given::case::Case;
-use crate::given::lines::{damage, down_reason_name, line_error_name, modem_levels};
+use crate::given::lines::{damage, modem_levels};
 use softplug_abi::manifest::{Manifest, OwnedValue, Setting};
 use softplug_abi::{
     Event, EventKind, Failure, Malformed, MalformedReason, ModemLines, Value, Values,
 };
 use softplug_trace::{
-    self as trace, Assignment, Entry, Exact, HostRequest, Item, Level, Line, LineEvent, Payload,
-    Permutations, SourceLine, Time, Trace, What, When, limits,
+    self as trace, Assignment, Entry, Exact, Given, HostRequest, Item, Level, Line, LineEvent,
+    Payload, Permutations, SourceLine, Time, Trace, What, When, limits,
 };
 
 /// A flight recording as lines of a case: settings, `<`, `!` and `?` lines, at their times since
@@ -38,7 +38,7 @@ use softplug_trace::{
 pub fn record_of_flight(manifest: &Manifest, flight: &Case) -> Result<Trace, FlightError> {
     let mut reader = Flight::new(manifest);
     for entry in flight.trace.entries() {
-        let What::Exact(exact) = &entry.what else { continue };
+        let What::Given(Given::Exact(exact)) = &entry.what else { continue };
         let line = entry.line.0;
         reader
             .read(entry.when.from, exact, flight)
@@ -181,24 +181,20 @@ impl<'a> Flight<'a> {
         };
         let at = Time(at.0.saturating_sub(opened.0));
         self.last = self.last.max(at);
-        let what = match event {
-            Event::Received(bytes) => What::Receive(Payload::from_bytes(bytes)),
+        let given = match event {
+            Event::Received(bytes) => Given::Receive(Payload::from_bytes(bytes)),
             Event::LineError { kind, byte, span } => match (damage(*kind), byte, span) {
                 (Some(kind), Some(byte), 0) => {
-                    What::Receive(Payload::new([Item::Bad { kind, byte: *byte }]))
+                    Given::Receive(Payload::new([Item::Bad { kind, byte: *byte }]))
                 }
-                _ => What::Line(LineEvent::Error {
-                    kind: line_error_name(*kind),
-                    byte: *byte,
-                    span: *span,
-                }),
+                _ => Given::Line(LineEvent::Error { kind: *kind, byte: *byte, span: *span }),
             },
             Event::ModemLines { known, on } => {
                 self.modem_lines(at, *known, *on);
                 return Ok(());
             }
-            Event::LinkDown(reason) => What::Line(LineEvent::Down(down_reason_name(*reason))),
-            Event::LinkUp => What::Line(LineEvent::Up),
+            Event::LinkDown(reason) => Given::Line(LineEvent::Down(*reason)),
+            Event::LinkUp => Given::Line(LineEvent::Up),
             Event::JobBegin { job, kind, fields, .. } => return self.job(at, job.0, *kind, fields),
             Event::JobData { job, bytes } => {
                 if let Some(job) = self.jobs.iter_mut().find(|known| known.id == job.0) {
@@ -212,15 +208,15 @@ impl<'a> Flight<'a> {
                 }
                 return Ok(());
             }
-            Event::Pause { job } => What::Host(HostRequest::Pause(job.0)),
-            Event::Resume { job } => What::Host(HostRequest::Resume(job.0)),
-            Event::Abort { job } => What::Host(HostRequest::Abort(job.0)),
-            Event::ForceResume => What::Host(HostRequest::ForceResume),
+            Event::Pause { job } => Given::Host(HostRequest::Pause(job.0)),
+            Event::Resume { job } => Given::Host(HostRequest::Resume(job.0)),
+            Event::Abort { job } => Given::Host(HostRequest::Abort(job.0)),
+            Event::ForceResume => Given::Host(HostRequest::ForceResume),
             Event::Answer { request, refused, more, bytes } => {
-                return self.answer(at, request.0, refused.map(Failure::name), *more, bytes);
+                return self.answer(at, request.0, *refused, *more, bytes);
             }
-            Event::Open { .. } => What::Host(HostRequest::Open),
-            Event::Close => What::Host(HostRequest::Close),
+            Event::Open { .. } => Given::Host(HostRequest::Open),
+            Event::Close => Given::Host(HostRequest::Close),
             Event::Restore { .. } => return Err(FlightFault::HoldsState),
             // These come of themselves.
             Event::Settings { .. }
@@ -232,11 +228,12 @@ impl<'a> Flight<'a> {
             | Event::Save
             | Event::Continue => return Ok(()),
         };
-        self.add(at, what);
+        self.add(at, given);
         Ok(())
     }
 
-    fn add(&mut self, at: Time, what: What) {
+    fn add(&mut self, at: Time, given: Given) {
+        let what = What::Given(given);
         self.entries.push(Entry { when: When::at(at), what, line: SourceLine::default() });
     }
 
@@ -271,7 +268,7 @@ impl<'a> Flight<'a> {
         };
         let levels = modem_levels(changed, on);
         if !levels.0.is_empty() {
-            self.add(at, What::Line(LineEvent::Modem(levels)));
+            self.add(at, Given::Line(LineEvent::Modem(levels)));
         }
     }
 
@@ -292,7 +289,7 @@ impl<'a> Flight<'a> {
         let fields = named.map(|(name, value)| Assignment { name, value }).collect();
         let (data, place) = (Payload::default(), self.entries.len());
         let request = HostRequest::Job { id, kind: kind.name.clone(), fields, data };
-        self.add(at, What::Host(request));
+        self.add(at, Given::Host(request));
         let (data, pass) = (Vec::new(), Vec::new());
         self.jobs.push(Job { id, place, data, pass, is_whole: false });
         Ok(())
@@ -302,18 +299,18 @@ impl<'a> Flight<'a> {
         &mut self,
         at: Time,
         id: u32,
-        refused: Option<&str>,
+        refused: Option<Failure>,
         more: bool,
         bytes: &[u8],
     ) -> Result<(), FlightFault> {
         let place = self.answer.take().unwrap_or_else(|| {
             let data = Payload::default();
-            self.add(at, What::Host(HostRequest::Grant { id, data }));
+            self.add(at, Given::Host(HostRequest::Grant { id, data }));
             self.entries.len() - 1
         });
-        if let What::Host(request) = &mut self.entries[place].what {
-            if let Some(code) = refused {
-                *request = HostRequest::Refuse { id, code: code.to_owned() };
+        if let What::Given(Given::Host(request)) = &mut self.entries[place].what {
+            if let Some(failure) = refused {
+                *request = HostRequest::Refuse { id, failure };
             } else if let HostRequest::Grant { data, .. } = request {
                 let mut all = data.bytes(&trace::NoFiles)?;
                 all.extend_from_slice(bytes);
@@ -344,15 +341,19 @@ impl<'a> Flight<'a> {
                     format!(" Of job {id} the plug-in had read {read} bytes, and perhaps not all.");
                 body.push(Line::Comment(text));
             }
-            if let What::Host(HostRequest::Job { data, .. }) = &mut self.entries[job.place].what {
+            if let What::Given(Given::Host(HostRequest::Job { data, .. })) =
+                &mut self.entries[job.place].what
+            {
                 *data = Payload::from_bytes(&job.data);
             }
         }
         if self.entries.iter().any(|entry| entry.to_string().len() > limits::LINE_BYTES) {
             return Err(FlightError::TooLong);
         }
-        self.add(self.last, What::Quiet);
         body.extend(self.entries.into_iter().map(Line::Entry));
+        let when = When::at(self.last);
+        let quiet = Entry { when, what: What::Quiet, line: SourceLine::default() };
+        body.push(Line::Entry(quiet));
         let mut front = flight.trace.front.clone();
         front.level = Level::May;
         front.permute = Permutations::default();

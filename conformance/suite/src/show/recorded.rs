@@ -5,15 +5,16 @@ use crate::given::case::Case;
 use crate::given::lines::line_parameters;
 use crate::given::timeline::micros;
 use crate::judge::run::Judge;
-use crate::run::effect::Effect;
 use crate::run::fault::Fault;
-use crate::run::outcome::Seen;
 use crate::run::permute::Permutation;
+use crate::run::seen::Seen;
 use crate::show::bless::with_seen;
 use crate::show::sent::{self, Recorded, Sign, seconds, shown};
 use softplug_abi::{LineParameters, Micros};
+use softplug_link::Observed;
 use softplug_trace::{
-    BlessError, Entry, HostRequest, Item, Line, Payload, SourceLine, Time, Trace, What, When,
+    BlessError, Entry, Expected, Given, HostRequest, Item, Line, Payload, SourceLine, Time, Trace,
+    What, When,
 };
 use std::fmt;
 
@@ -102,11 +103,11 @@ impl fmt::Display for Standing {
 /// let subject = FromFn::new(manifest, move || plugin.instantiate());
 /// let case = &load(["../../fixtures/traces/r3964/r3964.tx.recorded-goryachev.spt"])?[0];
 /// // Without requests and expectations it is what was recorded.
-/// let is_request = |what: &softplug_trace::What| matches!(what, softplug_trace::What::Host(_));
+/// let is_request = |what: &softplug_trace::What| matches!(what, softplug_trace::What::Given(softplug_trace::Given::Host(_)));
 /// let mut record = case.trace.clone();
 /// record.body.retain(|line| !line.entry().is_some_and(|entry| is_request(&entry.what)));
 /// let request = case.trace.inputs().find_map(|entry| match &entry.what {
-///     softplug_trace::What::Host(request @ HostRequest::Job { .. }) => Some(request.clone()),
+///     softplug_trace::What::Given(softplug_trace::Given::Host(request @ HostRequest::Job { .. })) => Some(request.clone()),
 ///     _ => None,
 /// });
 /// let made = case_of_record(&subject, &case.with_trace(record), &[request.unwrap()])?;
@@ -223,9 +224,9 @@ impl Attempt {
 
     /// The record's end, or the end of a job or delivery that comes of itself, without a byte.
     fn waited(&self, end: Micros, next: Option<Micros>) -> Micros {
-        let is_good = |seen: &&Seen| match &seen.effect {
-            Effect::Done { .. } => true,
-            Effect::Deliver(delivered) => delivered.failure.is_none(),
+        let is_good = |seen: &&Seen| match &seen.what {
+            Observed::Done { .. } => true,
+            Observed::Delivery(delivery) => delivery.failure.is_none(),
             _ => false,
         };
         let before = |seen: &&Seen| next.is_none_or(|next| seen.at < next);
@@ -236,19 +237,22 @@ impl Attempt {
     /// Whether something came of the session before then, and nothing of it is open.
     fn has_ended(&self, by: Micros) -> bool {
         let asked = self.case.trace.inputs().filter_map(|entry| match &entry.what {
-            What::Host(HostRequest::Job { id, .. }) => Some(*id),
+            What::Given(Given::Host(HostRequest::Job { id, .. })) => Some(*id),
             _ => None,
         });
         let asked: Vec<u32> = asked.collect();
         let before = || self.seen.iter().filter(|seen| seen.at < by);
         let is_over = |id: &u32| {
-            before().any(|seen| match &seen.effect {
-                Effect::Done { id: of, .. } | Effect::Fail { id: of, .. } => of == id,
+            before().any(|seen| match &seen.what {
+                Observed::Done { job, .. } | Observed::Failed { job, .. } => job.0 == *id,
                 _ => false,
             })
         };
         let is_something = |seen: &Seen| {
-            matches!(seen.effect, Effect::Done { .. } | Effect::Fail { .. } | Effect::Deliver(_))
+            matches!(
+                seen.what,
+                Observed::Done { .. } | Observed::Failed { .. } | Observed::Delivery(_)
+            )
         };
         asked.iter().all(is_over) && before().any(is_something)
     }
@@ -310,8 +314,8 @@ fn places(case: &Case, from: Micros) -> Vec<Micros> {
     for entry in case.trace.entries() {
         let at = micros(entry.when.from);
         let length = match &entry.what {
-            What::Send(payload) => payload.length().unwrap_or(0),
-            What::SendBreak(_) => 1,
+            What::Expected(Expected::Send(payload)) => payload.length().unwrap_or(0),
+            What::Expected(Expected::SendBreak(_)) => 1,
             _ => continue,
         };
         // As a recorder's times go, less than a character is no pause.
@@ -341,7 +345,7 @@ fn asked(trace: &Trace, at: Micros, request: &HostRequest) -> Trace {
     if place == 0 {
         place = trace.body.iter().take_while(|line| is_comment(line)).count();
     }
-    trace.body.insert(place, entry(at, What::Host(request.clone())));
+    trace.body.insert(place, entry(at, What::Given(Given::Host(request.clone()))));
     trace
 }
 
@@ -362,8 +366,9 @@ fn until(trace: &Trace, end: Micros) -> Trace {
         if micros(entry.when.from) > end {
             return false;
         }
-        if let What::Burst(payload) = &entry.what {
-            entry.what = What::Burst(first(payload, line, end - micros(entry.when.from)));
+        if let What::Given(Given::Burst(payload)) = &entry.what {
+            entry.what =
+                What::Given(Given::Burst(first(payload, line, end - micros(entry.when.from))));
         }
         true
     });

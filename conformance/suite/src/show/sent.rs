@@ -4,10 +4,10 @@
 use crate::given::case::Case;
 use crate::given::lines::line_parameters;
 use crate::given::timeline::micros;
-use crate::run::effect::Effect;
-use crate::run::outcome::Seen;
+use crate::run::seen::Seen;
 use softplug_abi::Micros;
-use softplug_trace::{Entry, What};
+use softplug_link::Observed;
+use softplug_trace::{Entry, Expected, What};
 use std::fmt;
 
 /// Characters that are told of one place at the most.
@@ -93,14 +93,14 @@ pub(crate) fn recorded<'a>(
         let begin = micros(entry.when.from);
         match &entry.what {
             // What cannot be had was not sent either.
-            What::Send(payload) => {
+            What::Expected(Expected::Send(payload)) => {
                 for (n, byte) in payload.bytes(&case.files()).unwrap_or_default().iter().enumerate()
                 {
                     let at = begin + line.characters(n as u64);
                     all.push(Recorded { at, line: entry.line.0, sign: Sign::Byte(*byte) });
                 }
             }
-            What::SendBreak(_) => {
+            What::Expected(Expected::SendBreak(_)) => {
                 all.push(Recorded { at: begin, line: entry.line.0, sign: Sign::Break });
             }
             _ => {}
@@ -113,9 +113,9 @@ pub(crate) fn recorded<'a>(
 
 /// What was sent, in the order of time.
 pub(crate) fn sent(seen: &[Seen]) -> Vec<(Micros, Sign)> {
-    let sign = |seen: &Seen| match seen.effect {
-        Effect::Byte(byte) => Some((seen.at, Sign::Byte(byte))),
-        Effect::Break(_) => Some((seen.at, Sign::Break)),
+    let sign = |seen: &Seen| match seen.what {
+        Observed::Byte(byte) => Some((seen.at, Sign::Byte(byte))),
+        Observed::Break(_) => Some((seen.at, Sign::Break)),
         _ => None,
     };
     seen.iter().filter_map(sign).collect()

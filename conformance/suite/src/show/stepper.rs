@@ -7,15 +7,15 @@ use crate::given::lines::line_parameters;
 use crate::given::timeline::micros;
 use crate::judge::run::{Judge, Start};
 use crate::judge::verdict::Failure;
-use crate::run::effect::{Channel, Effect};
-use crate::run::outcome::Seen;
 use crate::run::overhear::{Call, Most, Overheard};
 use crate::run::permute::Permutation;
 use crate::run::replay::replay;
+use crate::run::seen::{Channel, Seen};
 use crate::run::subject::Subject;
 use serde::Serialize;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Actions, Event, Micros};
+use softplug_link::Observed;
 use softplug_trace::What;
 
 /// What of a run is kept: whoever looks at more than this looks for something else.
@@ -326,10 +326,10 @@ fn wire(case: &Case, seen: &[Seen], moments: &[Moment]) -> Vec<Moment> {
     let cuts = |from: i64, to: i64| heard.iter().any(|at| from < *at && *at <= to);
     let line = line_parameters(&case.trace.front.line);
     let mut runs: Vec<(i64, Happening)> = Vec::new();
-    for seen in seen.iter().filter(|seen| seen.effect.channel() == Channel::Wire) {
+    for seen in seen.iter().filter(|seen| seen.channel() == Some(Channel::Wire)) {
         let at = seen.at.0;
-        match &seen.effect {
-            Effect::Byte(byte) => match runs.last_mut() {
+        match &seen.what {
+            Observed::Byte(byte) => match runs.last_mut() {
                 Some((_, Happening::Wire(bytes)))
                     if at <= next + 1 && bytes.len() < BYTES && !cuts(last, at) =>
                 {
@@ -337,7 +337,7 @@ fn wire(case: &Case, seen: &[Seen], moments: &[Moment]) -> Vec<Moment> {
                 }
                 _ => runs.push((at, Happening::Wire(vec![*byte]))),
             },
-            Effect::Break(micros) => runs.push((at, Happening::Break(*micros))),
+            Observed::Break(micros) => runs.push((at, Happening::Break(*micros))),
             _ => {}
         }
         (last, next) = (at, at + line.characters(1).0);

@@ -2,7 +2,7 @@
 
 use crate::common::module;
 use softplug_conformance::Corpus;
-use softplug_conformance::certify::{CertifyError, CertifyOptions, certify};
+use softplug_conformance::certify::{CertifyError, CertifyOptions, Loaded, certify};
 use softplug_conformance::ledger::fingerprint;
 use softplug_report::{Report, check};
 use std::fmt::Write as _;
@@ -135,7 +135,7 @@ pub(crate) fn judge(
     corpus: &Corpus,
     options: &CertifyOptions,
 ) -> Result<Report, CertifyError> {
-    let report = certify(module, corpus, options, &|_| {}, &AtomicBool::new(false))?;
+    let report = certify(&Loaded::new(module)?, corpus, options, &|_| {}, &AtomicBool::new(false))?;
     assert_eq!(check(&report), Ok(()));
     Ok(report)
 }

@@ -3,7 +3,9 @@
 use crate::common::module;
 use crate::small::{Small, claiming, judge, options, patched, plugin, run, small};
 use softplug_conformance::Corpus;
-use softplug_conformance::certify::{CertifyError, CertifyOptions, Progress, certify, observe};
+use softplug_conformance::certify::{
+    CertifyError, CertifyOptions, Loaded, Progress, certify, observe,
+};
 use softplug_report::{CaseResult, VerdictKind, check, json};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -44,9 +46,9 @@ fn a_plug_in_that_says_how_much_memory_it_uses_gets_no_more() {
     let report = of(30_720);
     assert_eq!(report.verdict, VerdictKind::NotConformant, "{}", report.reason);
     assert_eq!(report.cases[0].failures[0].run, "xon-xoff.a.good/interpreter");
-    let observed =
-        observe(&using(30_720), &small(&[GOOD]), ["xon-xoff.a.good/interpreter"], &options());
-    assert_eq!(observed.expect("the engines work").len(), 1);
+    let module = using(30_720);
+    let run = ["xon-xoff.a.good/interpreter"];
+    assert_eq!(observe(&loaded(&module), &small(&[GOOD]), run, &options()).len(), 1);
     assert_eq!(of(20_480).verdict, VerdictKind::NotJudged);
 }
 
@@ -72,8 +74,7 @@ fn a_failure_says_all_that_there_is_to_say() {
     assert_eq!((report.clauses[0].cited, report.clauses[0].failed), (2, 1));
 
     let runs = ["xon-xoff.b.bad/uncut", "xon-xoff.b.bad/swap:all", "nothing/uncut", "nothing"];
-    let observed = observe(&plugin(), &corpus, runs, &CertifyOptions::new("xon-xoff"))
-        .expect("the engines work");
+    let observed = observe(&loaded(&plugin()), &corpus, runs, &CertifyOptions::new("xon-xoff"));
     assert_eq!(observed.len(), 2);
     let trace = softplug_trace::Trace::parse(&observed[0].text).expect("it is a trace");
     assert!(trace.format().contains("> 0.000000 41"), "{}", observed[0].text);
@@ -126,16 +127,16 @@ fn a_filter_makes_a_run_partial() {
 fn an_interrupted_run_is_partial() {
     let corpus = small(&[GOOD, Small::good("xon-xoff.c.good")]);
     let stopped = AtomicBool::new(true);
-    let report =
-        certify(&plugin(), &corpus, &options(), &|_| {}, &stopped).expect("it can be judged");
+    let report = certify(&loaded(&plugin()), &corpus, &options(), &|_| {}, &stopped)
+        .expect("it can be judged");
     assert_eq!(check(&report), Ok(()));
     assert_eq!((report.verdict, report.counts.executed), (VerdictKind::Partial, 0));
     assert!(report.selection.interrupted);
 
     let stop = AtomicBool::new(false);
     let after_one = |_| stop.store(true, Ordering::Relaxed);
-    let report =
-        certify(&plugin(), &corpus, &options(), &after_one, &stop).expect("it can be judged");
+    let report = certify(&loaded(&plugin()), &corpus, &options(), &after_one, &stop)
+        .expect("it can be judged");
     assert_eq!(check(&report), Ok(()));
     assert_eq!((report.verdict, report.counts.executed), (VerdictKind::Partial, 1));
     assert_eq!(report.cases[1].result, CaseResult::Skipped { reason: "interrupted".to_owned() });
@@ -144,8 +145,8 @@ fn an_interrupted_run_is_partial() {
     let one = small(&[GOOD]);
     let stop = AtomicBool::new(false);
     let at_the_end = |_| stop.store(true, Ordering::Relaxed);
-    let report =
-        certify(&plugin(), &one, &options(), &at_the_end, &stop).expect("it can be judged");
+    let report = certify(&loaded(&plugin()), &one, &options(), &at_the_end, &stop)
+        .expect("it can be judged");
     assert_eq!(check(&report), Ok(()));
     assert_eq!((report.verdict, report.counts.passed), (VerdictKind::Partial, 1));
     assert!(report.reason.starts_with("it was ended before it was known"), "{}", report.reason);
@@ -248,6 +249,10 @@ fn threads_order_and_seed_change_nothing() {
     }
 }
 
+fn loaded(module: &[u8]) -> Loaded<'_> {
+    Loaded::new(module).expect("the engines work")
+}
+
 fn run_real(corpus: &Corpus, options: &CertifyOptions) -> softplug_report::Report {
     judge(&module("xon-xoff"), corpus, options).unwrap_or_else(|error| panic!("{error}"))
 }
@@ -258,7 +263,7 @@ fn progress_is_told_after_each_case() {
     let tell = |progress: Progress| told.lock().expect("nobody panics").push(progress);
     let options = CertifyOptions { threads: 2, ..options() };
     let corpus = small(&[GOOD, BAD]);
-    certify(&plugin(), &corpus, &options, &tell, &AtomicBool::new(false))
+    certify(&loaded(&plugin()), &corpus, &options, &tell, &AtomicBool::new(false))
         .expect("it can be judged");
     let mut told = told.into_inner().expect("nobody panics");
     told.sort_by_key(|progress| progress.done);

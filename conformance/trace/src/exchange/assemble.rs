@@ -5,7 +5,9 @@ use super::error::ImportFault;
 use super::pace::Pace;
 use super::timeline::{Event, Timeline, read};
 use crate::limits;
-use crate::model::{BadKind, Entry, Item, Line, Payload, SourceLine, Time, Trace, What, When};
+use crate::model::{
+    BadKind, Entry, Expected, Given, Item, Line, Payload, SourceLine, Time, Trace, What, When,
+};
 
 /// Characters of a line at most: they fit even if each is damaged.
 const LONGEST: usize = 12 << 10;
@@ -78,9 +80,9 @@ fn runs(events: Vec<Event>, pace: Pace) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     for event in events {
         let (way, payload) = match &event.what {
-            What::Receive(payload) => (Way::At, payload),
-            What::Burst(payload) => (Way::Burst, payload),
-            What::Send(payload) => (Way::Send, payload),
+            What::Given(Given::Receive(payload)) => (Way::At, payload),
+            What::Given(Given::Burst(payload)) => (Way::Burst, payload),
+            What::Expected(Expected::Send(payload)) => (Way::Send, payload),
             _ => {
                 runs.push(Run::Other(event));
                 continue;
@@ -129,10 +131,10 @@ impl Run {
         let line = |(place, characters): (usize, &[(u8, Option<BadKind>)])| {
             let payload = payload(characters);
             let (what, spread) = match way {
-                Way::Send => (What::Send(payload), true),
-                Way::Burst if characters.len() > 1 => (What::Burst(payload), true),
-                Way::Burst => (What::Receive(payload), true),
-                Way::At => (What::Receive(payload), false),
+                Way::Send => (What::Expected(Expected::Send(payload)), true),
+                Way::Burst if characters.len() > 1 => (What::Given(Given::Burst(payload)), true),
+                Way::Burst => (What::Given(Given::Receive(payload)), true),
+                Way::At => (What::Given(Given::Receive(payload)), false),
             };
             let at = at + if spread { pace.of_characters(place * longest) } else { 0 };
             Event { at, what, place: 0 }

@@ -11,7 +11,7 @@ use super::text::{Cursor, lines};
 use super::timeline::{Event, Timeline};
 use super::{Import, Source};
 use crate::Time;
-use crate::model::{Payload, What};
+use crate::model::{Expected, Given, Payload, What};
 
 /// Bytes of a line that is written, at most.
 const LONGEST: usize = 64;
@@ -77,7 +77,11 @@ pub(super) fn read(
             continue;
         }
         let payload = Payload::hex(bytes);
-        let what = if is_received { What::Receive(payload) } else { What::Send(payload) };
+        let what = if is_received {
+            What::Given(Given::Receive(payload))
+        } else {
+            What::Expected(Expected::Send(payload))
+        };
         timeline.events.push(Event { at: *at, what, place: *line });
     }
     Ok(())

@@ -9,7 +9,7 @@ use super::note::{Left, Notes};
 use super::text::lines;
 use super::timeline::{Event, Timeline};
 use crate::Time;
-use crate::model::{Payload, What};
+use crate::model::{Expected, Given, Payload, What};
 
 /// Bytes of a packet that is written, at most. More than 65,535 would need longer
 /// offsets, more than 262,144 `text2pcap` refuses.
@@ -45,7 +45,11 @@ pub(super) fn read(source: Source<'_>, timeline: &mut Timeline) -> Result<(), Im
             let at = line.seconds()?;
             close(open.take(), timeline);
             let nothing = Payload::default();
-            let what = if direction == "I" { What::Receive(nothing) } else { What::Send(nothing) };
+            let what = if direction == "I" {
+                What::Given(Given::Receive(nothing))
+            } else {
+                What::Expected(Expected::Send(nothing))
+            };
             open = Some((Event { at, what, place: line.line }, Vec::new()));
             line.skip_space();
             if line.is_at_end() {
@@ -107,8 +111,8 @@ pub(super) fn records(timeline: &Timeline, most: usize, notes: &mut Notes) -> Ve
         }
         let length = match event.what {
             // Characters that come one after the other have a time each.
-            What::Burst(_) => 1,
-            What::Send(_) => pace.cut(most),
+            What::Given(Given::Burst(_)) => 1,
+            What::Expected(Expected::Send(_)) => pace.cut(most),
             _ => most,
         };
         records.extend(characters.chunks(length).map(|characters| Record {

@@ -157,18 +157,23 @@ impl Notes {
 
     /// What an exporter finds that its format has no place for.
     pub(super) fn unheld(&mut self, what: &crate::What, place: u32) {
-        use crate::{LineErrorKind, LineEvent, What};
+        use crate::{Expected, Given, LineEvent, What};
         let left = match what {
-            What::SetLines(_) | What::Line(LineEvent::Modem(_)) => Left::ModemLines,
-            What::SendBreak(_)
-            | What::Line(LineEvent::Error { kind: LineErrorKind::Break, .. }) => Left::Breaks,
-            What::Line(LineEvent::Error { .. }) => Left::LineErrors,
-            What::Line(LineEvent::Down(_) | LineEvent::Up) => Left::Links,
-            What::Host(_) => Left::Requests,
-            What::Exact(_) => Left::ExactEvents,
-            What::Act(_) => Left::Actions,
+            What::Given(Given::Receive(_) | Given::Burst(_))
+            | What::Expected(Expected::Send(_)) => return,
+            What::Expected(Expected::SetLines(_))
+            | What::Given(Given::Line(LineEvent::Modem(_))) => Left::ModemLines,
+            What::Expected(Expected::SendBreak(_))
+            | What::Given(Given::Line(LineEvent::Error {
+                kind: softplug_abi::LineErrorKind::Break,
+                ..
+            })) => Left::Breaks,
+            What::Given(Given::Line(LineEvent::Error { .. })) => Left::LineErrors,
+            What::Given(Given::Line(LineEvent::Down(_) | LineEvent::Up)) => Left::Links,
+            What::Given(Given::Host(_)) => Left::Requests,
+            What::Given(Given::Exact(_)) => Left::ExactEvents,
+            What::Expected(_) => Left::Actions,
             What::Quiet => Left::Quiet,
-            What::Receive(_) | What::Burst(_) | What::Send(_) => return,
         };
         self.add(left, place);
     }

@@ -1,6 +1,8 @@
 //! When characters begin and end that follow each other at the line rate.
 
-use crate::model::{LineSettings, Parity};
+use softplug_abi::Parity;
+
+use crate::model::LineSettings;
 
 /// The time that characters take on a line.
 #[derive(Copy, Clone)]

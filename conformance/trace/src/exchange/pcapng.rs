@@ -1,5 +1,7 @@
 //! Captures of a serial line, LINKTYPE_RTAC_SERIAL in pcapng.
 
+use softplug_abi::LineErrorKind;
+
 use super::Source;
 use super::capture::{
     self, BYTE_ORDER, ENHANCED_PACKET, INTERFACE, OPTION_FLAGS, OPTION_RESOLUTION, SECTION, packets,
@@ -10,7 +12,7 @@ use super::pace::Pace;
 use super::rtac::{self, Event as Kind, Levels};
 use super::timeline::{Event, Timeline, read as characters};
 use crate::model::{
-    BadKind, Item, LineErrorKind, LineEvent, ModemLevels, ModemLine, Payload, What,
+    BadKind, Expected, Given, Item, LineEvent, ModemLevels, ModemLine, Payload, What,
 };
 
 /// Bytes of a packet that is written, at most: well below what readers take.
@@ -40,7 +42,9 @@ pub(super) fn write(timeline: &Timeline, notes: &mut Notes) -> Vec<u8> {
 fn start(timeline: &Timeline, notes: &mut Notes) -> Levels {
     let mut known = timeline.modem.clone();
     for event in &timeline.events {
-        let (What::SetLines(levels) | What::Line(LineEvent::Modem(levels))) = &event.what else {
+        let (What::Expected(Expected::SetLines(levels))
+        | What::Given(Given::Line(LineEvent::Modem(levels)))) = &event.what
+        else {
             continue;
         };
         for (line, on) in &levels.0 {
@@ -128,13 +132,13 @@ impl Outline {
     fn event(&mut self, event: &Event, pace: Pace, notes: &mut Notes) {
         let at = event.at;
         match &event.what {
-            What::Receive(payload) => {
+            What::Given(Given::Receive(payload)) => {
                 for item in payload.items() {
                     self.received(at, item, event.place, notes);
                 }
             }
-            What::Burst(payload) => self.burst(event, payload, pace, notes),
-            What::Send(payload) => {
+            What::Given(Given::Burst(payload)) => self.burst(event, payload, pace, notes),
+            What::Expected(Expected::Send(payload)) => {
                 let bytes: Vec<u8> = characters(payload).map(|(byte, _)| byte).collect();
                 let longest = pace.cut(LONGEST);
                 for (place, bytes) in bytes.chunks(longest).enumerate() {
@@ -142,14 +146,15 @@ impl Outline {
                     self.packet(at, Kind::SendStart, false, bytes);
                 }
             }
-            What::SetLines(levels) | What::Line(LineEvent::Modem(levels)) => {
+            What::Expected(Expected::SetLines(levels))
+            | What::Given(Given::Line(LineEvent::Modem(levels))) => {
                 self.packets.push(Packet::status(at, levels.clone()));
             }
-            What::SendBreak(_) => {
+            What::Expected(Expected::SendBreak(_)) => {
                 notes.add(Left::BreakLength, event.place);
                 self.packet(at, Kind::Break, false, &[]);
             }
-            What::Line(LineEvent::Error { kind, byte, span }) => {
+            What::Given(Given::Line(LineEvent::Error { kind, byte, span })) => {
                 self.line_error(event, *kind, *byte, *span, notes);
             }
             what => notes.unheld(what, event.place),
@@ -262,8 +267,8 @@ pub(super) fn read(
         }
         let payload = Payload::hex(packet.bytes);
         let what = match packet.received {
-            Some(true) => What::Receive(payload),
-            Some(false) => What::Send(payload),
+            Some(true) => What::Given(Given::Receive(payload)),
+            Some(false) => What::Expected(Expected::Send(payload)),
             None => return Err(line.fault(&packet, ImportFault::NoDirection)),
         };
         timeline.events.push(Event { at: packet.at, what, place: packet.number });
@@ -307,29 +312,34 @@ impl Lines<'_> {
         self.used |= levels.0;
         let changed = levels.changed_from(before, ModemLine::INPUTS);
         if changed != ModemLevels::default() {
-            add(packet.at, What::Line(LineEvent::Modem(changed)));
+            add(packet.at, What::Given(Given::Line(LineEvent::Modem(changed))));
         }
         let changed = levels.changed_from(before, ModemLine::OUTPUTS);
         if changed != ModemLevels::default() {
-            add(packet.at, What::SetLines(changed));
+            add(packet.at, What::Expected(Expected::SetLines(changed)));
         }
         let Some(kind) = kind else {
             notes.add(Left::UnknownEvents, place);
             return Ok(levels);
         };
-        let error = |kind, span| What::Line(LineEvent::Error { kind, byte: None, span });
+        let error =
+            |kind, span| What::Given(Given::Line(LineEvent::Error { kind, byte: None, span }));
         let payload = Payload::hex(bytes);
         let mut stray = false;
         match kind {
-            Kind::SendStart if !bytes.is_empty() => add(packet.at, What::Send(payload)),
+            Kind::SendStart if !bytes.is_empty() => {
+                add(packet.at, What::Expected(Expected::Send(payload)));
+            }
             Kind::SendEnd if !bytes.is_empty() => {
                 let length = timeline.pace.of_characters(bytes.len());
-                add(packet.at - length, What::Send(payload));
+                add(packet.at - length, What::Expected(Expected::Send(payload)));
             }
             Kind::ReceiveStart if !bytes.is_empty() => {
-                add(packet.at + timeline.pace.of_characters(1), What::Burst(payload));
+                add(packet.at + timeline.pace.of_characters(1), What::Given(Given::Burst(payload)));
             }
-            Kind::ReceiveEnd if !bytes.is_empty() => add(packet.at, What::Receive(payload)),
+            Kind::ReceiveEnd if !bytes.is_empty() => {
+                add(packet.at, What::Given(Given::Receive(payload)));
+            }
             Kind::Parity | Kind::Framing => {
                 let (bad, kind) = match kind {
                     Kind::Parity => (BadKind::Parity, LineErrorKind::Parity),
@@ -339,11 +349,11 @@ impl Lines<'_> {
                     [] => add(packet.at, error(kind, 0)),
                     [byte] => {
                         let item = Item::Bad { kind: bad, byte: *byte };
-                        add(packet.at, What::Receive(Payload::new([item])));
+                        add(packet.at, What::Given(Given::Receive(Payload::new([item]))));
                     }
                     // It does not say which.
                     several => {
-                        add(packet.at, What::Receive(payload));
+                        add(packet.at, What::Given(Given::Receive(payload)));
                         add(packet.at, error(kind, several.len() as u32));
                     }
                 }

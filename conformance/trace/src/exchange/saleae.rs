@@ -11,7 +11,7 @@ use super::note::{Left, Notes};
 use super::text::{decode, micros};
 use super::timeline::{Event, Timeline};
 use super::{Import, Source};
-use crate::model::{BadKind, Item, Payload, What};
+use crate::model::{BadKind, Expected, Given, Item, Payload, What};
 
 const RECEIVED: &str = "rx";
 const SENT: &str = "tx";
@@ -150,14 +150,16 @@ fn table(
         let start = micros(field(Some(columns.time)).trim()).map_err(|bad| fault(line, bad))?;
         let byte = byte(field(Some(columns.data)).trim()).map_err(|bad| fault(line, bad))?;
         let what = match damage(&field, &columns).map_err(|bad| fault(line, bad))? {
-            Some(kind) if received => What::Receive(Payload::new([Item::Bad { kind, byte }])),
-            None if received => What::Receive(Payload::hex(&[byte])),
+            Some(kind) if received => {
+                What::Given(Given::Receive(Payload::new([Item::Bad { kind, byte }])))
+            }
+            None if received => What::Given(Given::Receive(Payload::hex(&[byte]))),
             damage => {
                 // In a trace what the plug-in sends is never damaged.
                 if damage.is_some() {
                     notes.add(Left::LineErrors, line as u32);
                 }
-                What::Send(Payload::hex(&[byte]))
+                What::Expected(Expected::Send(Payload::hex(&[byte])))
             }
         };
         let mut length = timeline.pace.of_characters(1);

@@ -5,7 +5,8 @@ use super::note::{Left, Notes};
 use super::pace::Pace;
 use crate::limits;
 use crate::model::{
-    BadKind, Entry, Files, Item, Line, LineSettings, ModemLevels, Payload, Piece, Trace, What,
+    BadKind, Entry, Expected, Files, Given, Item, Line, LineSettings, ModemLevels, Payload, Piece,
+    Trace, What,
 };
 
 /// What happens on a line.
@@ -80,8 +81,8 @@ impl Timeline {
         notes: &mut Notes,
     ) -> Result<(), ExportError> {
         let place = entry.line.0;
-        if let what @ (What::Host(_) | What::Act(_) | What::Exact(_) | What::Quiet) = &entry.what {
-            notes.unheld(what, place);
+        if matches!(entry.what.sign(), "?" | "=" | "@" | ".") {
+            notes.unheld(&entry.what, place);
             return Ok(());
         }
         if entry.when.is_window() {
@@ -126,9 +127,9 @@ impl Event {
     /// The characters that it carries, each with its own moment.
     pub(super) fn characters(&self, pace: Pace) -> impl Iterator<Item = Character> {
         let (payload, received, spread) = match &self.what {
-            What::Receive(payload) => (Some(payload), true, false),
-            What::Burst(payload) => (Some(payload), true, true),
-            What::Send(payload) => (Some(payload), false, true),
+            What::Given(Given::Receive(payload)) => (Some(payload), true, false),
+            What::Given(Given::Burst(payload)) => (Some(payload), true, true),
+            What::Expected(Expected::Send(payload)) => (Some(payload), false, true),
             _ => (None, false, false),
         };
         payload.into_iter().flat_map(read).enumerate().map(move |(place, (byte, damage))| {

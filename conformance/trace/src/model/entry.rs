@@ -1,5 +1,7 @@
 //! The lines that mean something: what happens at a time.
 
+use softplug_abi::{Failure, LineErrorKind, LinkDownReason};
+
 use super::{Assignment, ModemLevels, Payload, Room, When};
 
 /// Something that happens, or must happen, at a time.
@@ -30,9 +32,8 @@ impl Eq for SourceLine {}
 impl Entry {
     /// This with one byte in place of another in what it carries.
     pub(crate) fn replace_byte(&mut self, written: u8, other: u8) {
-        if let Some(mut payload) = self.what.payload().cloned() {
+        if let Some(payload) = self.what.payload_mut() {
             payload.replace_byte(written, other);
-            self.what = std::mem::replace(&mut self.what, What::Quiet).with_payload(payload);
         }
     }
 }
@@ -40,28 +41,28 @@ impl Entry {
 /// What happens.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum What {
+    /// The plug-in is given this.
+    Given(Given),
+    /// The plug-in does this.
+    Expected(Expected),
+    /// `.`: nothing that is not listed happens until here.
+    Quiet,
+}
+
+/// What a plug-in is given.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Given {
     /// `<`: these characters reach the plug-in, all at this time.
     Receive(Payload),
     /// `<<`: these characters reach the plug-in at the line rate; the first
     /// one's stop bit ends at this time.
     Burst(Payload),
-    /// `>`: the plug-in's bytes; the first one's start bit begins at this time,
-    /// the rest follows back to back.
-    Send(Payload),
-    /// `>`: the plug-in sets its modem lines.
-    SetLines(ModemLevels),
-    /// `>`: the plug-in sends a break of so many µs.
-    SendBreak(u32),
     /// `!`: something happens on the line or in the port.
     Line(LineEvent),
     /// `?`: the host asks for or says something.
     Host(HostRequest),
-    /// `=`: the plug-in takes this action.
-    Act(Expected),
     /// `@`: this, exactly, is given to the plug-in, and nothing else is.
     Exact(Exact),
-    /// `.`: nothing that is not listed happens until here.
-    Quiet,
 }
 
 /// Not an event: what stands on the link before the first.
@@ -81,51 +82,29 @@ pub enum Exact {
     },
 }
 
-/// Which way an entry goes.
-#[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
-pub enum Direction {
-    /// Given to the plug-in.
-    Input,
-    /// Demanded of the plug-in.
-    Expectation,
-    /// Neither: a time.
-    Neither,
-}
-
 impl What {
-    /// Which way it goes.
-    pub fn direction(&self) -> Direction {
-        match self {
-            Self::Receive(_) | Self::Burst(_) | Self::Line(_) | Self::Host(_) | Self::Exact(_) => {
-                Direction::Input
-            }
-            Self::Send(_) | Self::SetLines(_) | Self::SendBreak(_) | Self::Act(_) => {
-                Direction::Expectation
-            }
-            Self::Quiet => Direction::Neither,
-        }
-    }
-
     /// Whether the plug-in is given it.
     pub fn is_input(&self) -> bool {
-        self.direction() == Direction::Input
+        matches!(self, Self::Given(_))
     }
 
     /// Whether it is demanded of the plug-in.
     pub fn is_expectation(&self) -> bool {
-        self.direction() == Direction::Expectation
+        matches!(self, Self::Expected(_))
     }
 
     /// The kind, as it stands at the start of the line.
     pub fn sign(&self) -> &'static str {
         match self {
-            Self::Receive(_) => "<",
-            Self::Burst(_) => "<<",
-            Self::Send(_) | Self::SetLines(_) | Self::SendBreak(_) => ">",
-            Self::Line(_) => "!",
-            Self::Host(_) => "?",
-            Self::Act(_) => "=",
-            Self::Exact(_) => "@",
+            Self::Given(Given::Receive(_)) => "<",
+            Self::Given(Given::Burst(_)) => "<<",
+            Self::Given(Given::Line(_)) => "!",
+            Self::Given(Given::Host(_)) => "?",
+            Self::Given(Given::Exact(_)) => "@",
+            Self::Expected(Expected::Send(_) | Expected::SetLines(_) | Expected::SendBreak(_)) => {
+                ">"
+            }
+            Self::Expected(_) => "=",
             Self::Quiet => ".",
         }
     }
@@ -133,32 +112,46 @@ impl What {
     /// The bytes that it carries, if it can carry any.
     pub fn payload(&self) -> Option<&Payload> {
         match self {
-            Self::Receive(payload)
-            | Self::Burst(payload)
-            | Self::Send(payload)
-            | Self::Exact(Exact::Event { payload, .. })
-            | Self::Host(
-                HostRequest::Job { data: payload, .. } | HostRequest::Grant { data: payload, .. },
+            Self::Given(
+                Given::Receive(payload)
+                | Given::Burst(payload)
+                | Given::Exact(Exact::Event { payload, .. })
+                | Given::Host(
+                    HostRequest::Job { data: payload, .. }
+                    | HostRequest::Grant { data: payload, .. },
+                ),
             )
-            | Self::Act(Expected::Deliver { data: payload, .. }) => Some(payload),
+            | Self::Expected(Expected::Send(payload) | Expected::Deliver { data: payload, .. }) => {
+                Some(payload)
+            }
             _ => None,
         }
     }
 
     /// This with other bytes; unchanged if it cannot carry any.
     pub(crate) fn with_payload(mut self, new: Payload) -> Self {
-        match &mut self {
-            Self::Receive(payload)
-            | Self::Burst(payload)
-            | Self::Send(payload)
-            | Self::Exact(Exact::Event { payload, .. })
-            | Self::Host(
-                HostRequest::Job { data: payload, .. } | HostRequest::Grant { data: payload, .. },
-            )
-            | Self::Act(Expected::Deliver { data: payload, .. }) => *payload = new,
-            _ => {}
+        if let Some(payload) = self.payload_mut() {
+            *payload = new;
         }
         self
+    }
+
+    fn payload_mut(&mut self) -> Option<&mut Payload> {
+        match self {
+            Self::Given(
+                Given::Receive(payload)
+                | Given::Burst(payload)
+                | Given::Exact(Exact::Event { payload, .. })
+                | Given::Host(
+                    HostRequest::Job { data: payload, .. }
+                    | HostRequest::Grant { data: payload, .. },
+                ),
+            )
+            | Self::Expected(Expected::Send(payload) | Expected::Deliver { data: payload, .. }) => {
+                Some(payload)
+            }
+            _ => None,
+        }
     }
 }
 
@@ -180,63 +173,6 @@ pub enum LineEvent {
     Down(LinkDownReason),
     /// The port is back.
     Up,
-}
-
-/// What happened to a character on the line.
-#[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
-pub enum LineErrorKind {
-    /// The parity bit is wrong.
-    Parity,
-    /// The stop bit is missing.
-    Framing,
-    /// One of the two, the port cannot tell.
-    ParityOrFraming,
-    /// Characters were lost in the port.
-    Overrun,
-    /// The line was held low for longer than a character.
-    Break,
-}
-
-impl LineErrorKind {
-    /// Every kind.
-    pub const ALL: &'static [Self] =
-        &[Self::Parity, Self::Framing, Self::ParityOrFraming, Self::Overrun, Self::Break];
-
-    /// The name in a trace.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Parity => "parity",
-            Self::Framing => "framing",
-            Self::ParityOrFraming => "parity-or-framing",
-            Self::Overrun => "overrun",
-            Self::Break => "break",
-        }
-    }
-}
-
-/// Why the link went down.
-#[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
-pub enum LinkDownReason {
-    /// The device is gone.
-    Unplugged,
-    /// The other side closed the connection.
-    Disconnected,
-    /// Reading or writing failed.
-    Failed,
-}
-
-impl LinkDownReason {
-    /// Every reason.
-    pub const ALL: &'static [Self] = &[Self::Unplugged, Self::Disconnected, Self::Failed];
-
-    /// The name in a trace.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Unplugged => "unplugged",
-            Self::Disconnected => "disconnected",
-            Self::Failed => "failed",
-        }
-    }
 }
 
 /// What the host asks for or says.
@@ -276,8 +212,8 @@ pub enum HostRequest {
     Refuse {
         /// The request's id.
         id: u32,
-        /// The name of the reason.
-        code: String,
+        /// Why.
+        failure: Failure,
     },
     /// Save, and restore into a fresh instance.
     Swap,
@@ -296,19 +232,26 @@ pub enum Drain {
     Off,
 }
 
-/// An action that the plug-in must take.
+/// What a plug-in must do.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Expected {
-    /// A delivery has ended; the time is that of its end.
+    /// `>`: the plug-in's bytes; the first one's start bit begins at this time,
+    /// the rest follows back to back.
+    Send(Payload),
+    /// `>`: the plug-in sets its modem lines.
+    SetLines(ModemLevels),
+    /// `>`: the plug-in sends a break of so many µs.
+    SendBreak(u32),
+    /// `=`, as all below: a delivery has ended; the time is that of its end.
     Deliver {
         /// Never 0.
         id: u32,
         /// All of its bytes, joined.
         data: Payload,
-        /// How it ended.
-        end: DeliveryEnd,
-        /// The protocol's own code.
-        status: Option<u16>,
+        /// `None`: complete.
+        failure: Option<Failure>,
+        /// The protocol's own code, 0 without.
+        status: u16,
         /// The name that the plug-in found.
         name: Option<String>,
     },
@@ -323,10 +266,10 @@ pub enum Expected {
     Fail {
         /// The job's id.
         id: u32,
-        /// The name of the reason.
-        code: String,
-        /// The protocol's own code; `None`: 0.
-        status: Option<u16>,
+        /// Why.
+        failure: Failure,
+        /// The protocol's own code, 0 without.
+        status: u16,
         /// Bytes that left for it; `None`: not looked at.
         sent: Option<u64>,
     },
@@ -334,8 +277,14 @@ pub enum Expected {
     Check {
         /// The job's id.
         id: u32,
-        /// What is wrong; `None`: good.
-        fault: Option<CheckFault>,
+        /// `None`: good, without all below.
+        failure: Option<Failure>,
+        /// The protocol's own code, 0 without.
+        status: u16,
+        /// Line of the fault, from 1; 0 without.
+        line: u32,
+        /// Column of the fault in bytes, from 1; 0 without.
+        column: u32,
     },
     /// The plug-in asks the host for something.
     Request {
@@ -348,26 +297,4 @@ pub enum Expected {
     },
     /// The request no longer matters.
     Withdraw(u32),
-}
-
-/// How a delivery ended.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub enum DeliveryEnd {
-    /// All of it is there.
-    Complete,
-    /// It failed for the reason of this name.
-    Failed(String),
-}
-
-/// What a check pass found.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct CheckFault {
-    /// The name of the reason.
-    pub code: String,
-    /// Line of the fault, from 1.
-    pub line: Option<u32>,
-    /// Column of the fault in bytes, from 1.
-    pub column: Option<u32>,
-    /// The protocol's own code.
-    pub status: Option<u16>,
 }

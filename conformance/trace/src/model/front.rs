@@ -1,5 +1,7 @@
 //! The front matter: what a case is about and the line it runs on.
 
+use softplug_abi::{LineParameters, Parity};
+
 use super::{Assignment, ModemLevels, Room};
 
 /// A case's properties.
@@ -113,31 +115,11 @@ pub struct LineSettings {
     pub reaction: u32,
 }
 
-/// The parity bit.
-#[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
-pub enum Parity {
-    /// No parity bit.
-    None,
-    /// The number of ones is even.
-    Even,
-    /// The number of ones is odd.
-    Odd,
-    /// The parity bit is 1.
-    Mark,
-    /// The parity bit is 0.
-    Space,
-}
-
-impl Parity {
-    /// The letter in `8N1`.
-    pub const fn letter(self) -> char {
-        match self {
-            Self::None => 'N',
-            Self::Even => 'E',
-            Self::Odd => 'O',
-            Self::Mark => 'M',
-            Self::Space => 'S',
-        }
+impl From<LineParameters> for LineSettings {
+    /// With a port that holds one character and tells of each at once.
+    fn from(line: LineParameters) -> Self {
+        let LineParameters { baud, data_bits, parity, stop_half_bits } = line;
+        Self { baud, data_bits, parity, stop_half_bits, depth: 1, reaction: 0 }
     }
 }
 

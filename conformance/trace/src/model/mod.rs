@@ -8,11 +8,8 @@ mod time;
 
 pub use common::{Assignment, ModemLevels, ModemLine, Room};
 pub(crate) use entry::UNDER_WAY;
-pub use entry::{
-    CheckFault, DeliveryEnd, Direction, Drain, Entry, Exact, Expected, HostRequest, LineErrorKind,
-    LineEvent, LinkDownReason, SourceLine, What,
-};
-pub use front::{ByteClass, Edge, FrontMatter, Level, LineSettings, Origin, Parity, Permutations};
+pub use entry::{Drain, Entry, Exact, Expected, Given, HostRequest, LineEvent, SourceLine, What};
+pub use front::{ByteClass, Edge, FrontMatter, Level, LineSettings, Origin, Permutations};
 pub use payload::{BadKind, Digest, Files, Item, NoFile, NoFiles, Payload, PayloadError, Piece};
 pub use time::{Time, When};
 
@@ -85,7 +82,7 @@ impl Trace {
 
     /// Whether it is a flight recording: the plug-in is given exact events.
     pub fn is_recording(&self) -> bool {
-        self.inputs().any(|entry| matches!(entry.what, What::Exact(_)))
+        self.inputs().any(|entry| matches!(entry.what, What::Given(Given::Exact(_))))
     }
 
     /// The blocks of alternatives, in order.

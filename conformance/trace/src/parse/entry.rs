@@ -3,6 +3,7 @@
 use nom::Parser;
 use nom::branch::alt;
 use nom::bytes::complete::{tag, take_while};
+use softplug_abi::{Failure, LineErrorKind, LinkDownReason};
 
 use super::lex::{
     Parsed, assignments, at_end, choice, close, demand, end, expected, fail, id, name, number,
@@ -12,8 +13,8 @@ use super::payload::{self, Damage, levels, named};
 use crate::error::ParseErrorKind;
 use crate::limits::BREAK_MICROS;
 use crate::model::{
-    CheckFault, DeliveryEnd, Drain, Entry, Exact, Expected, HostRequest, LineErrorKind, LineEvent,
-    LinkDownReason, ModemLine, Room, SourceLine, Time, UNDER_WAY, What, When,
+    Drain, Entry, Exact, Expected, Given, HostRequest, LineEvent, ModemLine, Room, SourceLine,
+    Time, UNDER_WAY, What, When,
 };
 
 const NOTHING_MORE: &str = "nothing more here, or an annotation after `;`";
@@ -37,19 +38,20 @@ pub(super) fn entry(input: &str, floor: Time, line: u32) -> Parsed<'_, Entry> {
     if when.from < floor {
         return fail(time_at, ParseErrorKind::NotSorted { time: when.from, before: floor });
     }
-    let (rest, what) =
-        match sign {
-            "<<" => payload::bytes(rest, Damage::Allowed)
-                .map(|(rest, bytes)| (rest, What::Burst(bytes))),
-            "<" => payload::bytes(rest, Damage::Allowed)
-                .map(|(rest, bytes)| (rest, What::Receive(bytes))),
-            ">" => output(rest),
-            "!" => line_event(rest).map(|(rest, event)| (rest, What::Line(event))),
-            "?" => host(rest).map(|(rest, request)| (rest, What::Host(request))),
-            "=" => action(rest).map(|(rest, action)| (rest, What::Act(action))),
-            "@" => exact(rest).map(|(rest, exact)| (rest, What::Exact(exact))),
-            _ => Ok((rest, What::Quiet)),
-        }?;
+    let given = |(rest, given)| (rest, What::Given(given));
+    let demanded = |(rest, expected)| (rest, What::Expected(expected));
+    let (rest, what) = match sign {
+        "<<" => payload::bytes(rest, Damage::Allowed)
+            .map(|(rest, bytes)| given((rest, Given::Burst(bytes)))),
+        "<" => payload::bytes(rest, Damage::Allowed)
+            .map(|(rest, bytes)| given((rest, Given::Receive(bytes)))),
+        ">" => output(rest).map(demanded),
+        "!" => line_event(rest).map(|(rest, event)| given((rest, Given::Line(event)))),
+        "?" => host(rest).map(|(rest, request)| given((rest, Given::Host(request)))),
+        "=" => action(rest).map(demanded),
+        "@" => exact(rest).map(|(rest, exact)| given((rest, Given::Exact(exact)))),
+        _ => Ok((rest, What::Quiet)),
+    }?;
     end(rest, NOTHING_MORE)?;
     Ok((rest, Entry { when, what, line: SourceLine(line) }))
 }
@@ -67,20 +69,20 @@ fn when(input: &str, only_a_time: bool) -> Parsed<'_, When> {
     close(rest, When { from, to })
 }
 
-fn output(input: &str) -> Parsed<'_, What> {
+fn output(input: &str) -> Parsed<'_, Expected> {
     if payload::begins(input) {
         let (rest, bytes) = payload::bytes(input, Damage::Refused)?;
-        return Ok((rest, What::Send(bytes)));
+        return Ok((rest, Expected::Send(bytes)));
     }
     let (_, first) = take_while(|c: char| c.is_ascii_alphabetic()).parse(input)?;
     if first == "break" {
         let (rest, ()) = close(&input[first.len()..], ())?;
         let (rest, micros) = number("a break's length in µs", 1, u64::from(BREAK_MICROS), rest)?;
-        return Ok((rest, What::SendBreak(micros as u32)));
+        return Ok((rest, Expected::SendBreak(micros as u32)));
     }
     if input[first.len()..].starts_with(['+', '-']) && !first.is_empty() {
         let (rest, set) = levels(input, ModemLine::OUTPUTS)?;
-        return Ok((rest, What::SetLines(set)));
+        return Ok((rest, Expected::SetLines(set)));
     }
     expected(
         input,
@@ -236,8 +238,21 @@ fn answer(input: &str) -> Parsed<'_, HostRequest> {
         };
         return Ok((rest, HostRequest::Grant { id, data }));
     }
-    let (rest, code) = name(CODE, rest)?;
-    Ok((rest, HostRequest::Refuse { id, code: code.to_owned() }))
+    let (rest, failure) = failure(rest)?;
+    Ok((rest, HostRequest::Refuse { id, failure }))
+}
+
+fn failure(input: &str) -> Parsed<'_, Failure> {
+    let (rest, code) = name(CODE, input)?;
+    known(input, code, rest)
+}
+
+/// The failure of this name, which stands at `at`.
+fn known<'a>(at: &'a str, code: &str, rest: &'a str) -> Parsed<'a, Failure> {
+    match Failure::from_name(code) {
+        Some(failure) => Ok((rest, failure)),
+        None => fail(at, ParseErrorKind::NoFailure(code.to_owned())),
+    }
 }
 
 #[derive(Copy, Clone)]
@@ -270,11 +285,11 @@ fn action(input: &str) -> Parsed<'_, Expected> {
         }
         ActionVerb::Fail => {
             let (rest, id) = id(JOB, rest)?;
-            let (rest, code) = name(CODE, rest)?;
+            let (rest, failure) = failure(rest)?;
             let (rest, options) = options(&["status", "sent"], rest)?;
-            let status = options.hex("status", STATUS, 4)?.filter(|status| *status != 0);
+            let status = options.hex("status", STATUS, 4)?.unwrap_or(0);
             let sent = options.number("sent", SENT, 0, u64::MAX)?;
-            Ok((rest, Expected::Fail { id, code: code.to_owned(), status, sent }))
+            Ok((rest, Expected::Fail { id, failure, status, sent }))
         }
         ActionVerb::Check => check(rest),
         ActionVerb::Request => {
@@ -291,33 +306,32 @@ fn deliver(input: &str) -> Parsed<'_, Expected> {
     let (rest, id) = id(DELIVERY, input)?;
     let (rest, data) = payload::some(rest, Damage::Refused)?;
     let (end_at, word) = take_while(|c: char| c.is_ascii_lowercase()).parse(rest)?;
-    let (rest, end) = match word {
-        "complete" => close(end_at, DeliveryEnd::Complete)?,
+    let (rest, failure) = match word {
+        "complete" => close(end_at, None)?,
         "failed" => {
             let (rest, ()) = close(end_at, ())?;
-            let (rest, code) = name(CODE, rest)?;
-            (rest, DeliveryEnd::Failed(code.to_owned()))
+            let (rest, failure) = failure(rest)?;
+            (rest, Some(failure))
         }
-        _ if at_end(rest) || end_at.starts_with('=') => (rest, DeliveryEnd::Complete),
+        _ if at_end(rest) || end_at.starts_with('=') => (rest, None),
         _ => return expected(rest, "bytes, complete, failed REASON, status=HEX or name=\"…\""),
     };
     let (rest, options) = options(&["status", "name"], rest)?;
-    let status = options.hex("status", STATUS, 4)?.filter(|status| *status != 0);
-    Ok((rest, Expected::Deliver { id, data, end, status, name: options.text("name") }))
+    let status = options.hex("status", STATUS, 4)?.unwrap_or(0);
+    Ok((rest, Expected::Deliver { id, data, failure, status, name: options.text("name") }))
 }
 
 fn check(input: &str) -> Parsed<'_, Expected> {
-    let (rest, id) = id(JOB, input)?;
-    let (rest, code) = name("good, or a reason like unsupported-character", rest)?;
+    let (code_at, id) = id(JOB, input)?;
+    let (rest, code) = name("good, or a reason like unsupported-character", code_at)?;
     if code == "good" {
-        return Ok((rest, Expected::Check { id, fault: None }));
+        return Ok((rest, Expected::Check { id, failure: None, status: 0, line: 0, column: 0 }));
     }
+    let (rest, failure) = known(code_at, code, rest)?;
+    let failure = Some(failure);
     let (rest, options) = options(&["line", "column", "status"], rest)?;
-    let fault = CheckFault {
-        code: code.to_owned(),
-        line: options.number32("line", "a line from 1", 1)?,
-        column: options.number32("column", "a column from 1", 1)?,
-        status: options.hex("status", STATUS, 4)?.filter(|status| *status != 0),
-    };
-    Ok((rest, Expected::Check { id, fault: Some(fault) }))
+    let line = options.number32("line", "a line from 1", 1)?.unwrap_or(0);
+    let column = options.number32("column", "a column from 1", 1)?.unwrap_or(0);
+    let status = options.hex("status", STATUS, 4)?.unwrap_or(0);
+    Ok((rest, Expected::Check { id, failure, status, line, column }))
 }

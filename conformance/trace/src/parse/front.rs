@@ -6,6 +6,7 @@ use nom::bytes::complete::{tag, take_while, take_while1};
 use nom::character::complete::{char, digit1, one_of};
 use nom::combinator::{recognize, value};
 use nom::multi::separated_list1;
+use softplug_abi::Parity;
 
 use super::entry::room;
 use super::lex::{
@@ -16,7 +17,7 @@ use super::payload::levels;
 use crate::error::ParseErrorKind;
 use crate::limits::{LINE_BYTES, NAME_BYTES, TITLE_CHARACTERS};
 use crate::model::{
-    ByteClass, Edge, FrontMatter, Level, LineSettings, ModemLevels, ModemLine, Origin, Parity,
+    ByteClass, Edge, FrontMatter, Level, LineSettings, ModemLevels, ModemLine, Origin,
     Permutations, Room,
 };
 

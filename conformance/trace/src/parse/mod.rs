@@ -8,9 +8,7 @@ mod payload;
 use crate::error::{ParseError, ParseErrorKind};
 use crate::hidden::forbidden;
 use crate::limits;
-use crate::model::{
-    Alternatives, Direction, Entry, FrontMatter, Item, Line, Time, Trace, tidy_blank_lines,
-};
+use crate::model::{Alternatives, Entry, FrontMatter, Item, Line, Time, Trace, tidy_blank_lines};
 use front::{Front, Incomplete};
 use lex::{Fault, skip_space, slug};
 
@@ -265,7 +263,7 @@ impl<'a> Body<'a> {
     fn entry(&mut self, source: Source<'a>, text: &'a str) -> Result<(), ParseError> {
         let floor = self.block.as_ref().map_or(self.last, |block| block.last);
         let (_, entry) = finished(source, entry::entry(text, floor, source.number))?;
-        if self.block.is_some() && entry.what.direction() == Direction::Input {
+        if self.block.is_some() && entry.what.is_input() {
             return Err(source.error(text, ParseErrorKind::InputInAlternatives));
         }
         // Only a long line can grow over the limit by its escapes and its annotation.

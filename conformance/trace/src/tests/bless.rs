@@ -34,7 +34,7 @@ fn what_holds_stays_as_it_was_written() {
         .bytes(&NoFiles)
         .unwrap();
     let mut observed = entries("> 0.5 41\n= 2.0 done 1 sent=5\n");
-    observed[0].what = What::Send(Payload::from_bytes(&bytes));
+    observed[0].what = What::Expected(Expected::Send(Payload::from_bytes(&bytes)));
     let trace = parse_body(window).unwrap();
     assert_eq!(trace.with_expectations(observed, &NoFiles).unwrap(), trace);
 }
@@ -101,7 +101,7 @@ fn what_cannot_be_taken_over() {
         "a line `<` at 1.000000 is no expectation; only `>` and `=` lines can be observed"
     );
     let mut long = entries("> 1.0 41\n");
-    long[0].what = What::Send(Payload::hex(&vec![0; limits::LINE_BYTES / 3]));
+    long[0].what = What::Expected(Expected::Send(Payload::hex(&vec![0; limits::LINE_BYTES / 3])));
     let when = long[0].when;
     assert_eq!(trace.with_expectations(long, &NoFiles), Err(BlessError::LineTooLong { when }));
     let only = parse_body("> 0.0 41\n").unwrap();

@@ -139,6 +139,17 @@ fn word_faults() {
 }
 
 #[test]
+fn reasons_are_those_of_the_abi() {
+    for body in ["= 0.0 fail 1 gone\n", "= 0.0 check 1 gone\n", "? 0.0 answer 1 refused gone\n"] {
+        let error = parse_body(body).unwrap_err();
+        assert_eq!(error.column as usize, body.find("gone").unwrap() + 1);
+        assert_eq!(error.kind.to_string(), "\"gone\" is no failure of the ABI");
+    }
+    let error = parse_body("= 0.0 deliver 1 41 failed gone\n").unwrap_err();
+    assert_eq!(error.kind, ParseErrorKind::NoFailure("gone".to_owned()));
+}
+
+#[test]
 fn block_faults() {
     insta::assert_snapshot!(reports(&[
         ". 0.0\n{ alt p.c\n> 1.0 41\n|\n",

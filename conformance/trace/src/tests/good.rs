@@ -13,7 +13,7 @@ fn a_whole_case() {
     let line = LineSettings {
         baud: 9_600,
         data_bits: 8,
-        parity: Parity::None,
+        parity: softplug_abi::Parity::None,
         stop_half_bits: 2,
         depth: 1,
         reaction: 0,
@@ -118,7 +118,9 @@ fn received_bytes_hold_damage() {
             .as_str(),
     );
     let trace = parse_body("<< 0.0 41 ~p31 42\n").unwrap();
-    let What::Burst(payload) = &trace.entries().next().unwrap().what else { panic!("a burst") };
+    let What::Given(Given::Burst(payload)) = &trace.entries().next().unwrap().what else {
+        panic!("a burst")
+    };
     let pieces = [
         Piece::Bytes(vec![0x41]),
         Piece::Bad { kind: BadKind::Parity, byte: 0x31 },

@@ -4,6 +4,7 @@ use proptest::collection::{btree_map, vec};
 use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
+use softplug_abi::{Failure, LineErrorKind, LinkDownReason, Parity};
 
 use super::HOLD;
 use crate::*;
@@ -52,8 +53,18 @@ fn id() -> impl Strategy<Value = u32> {
     1..=u32::MAX
 }
 
-fn status() -> impl Strategy<Value = Option<u16>> {
-    option::of(1..=u16::MAX)
+fn failure() -> impl Strategy<Value = Failure> {
+    select(Failure::ALL)
+}
+
+/// A number, or 0 for none.
+fn status() -> impl Strategy<Value = u16> {
+    prop_oneof![Just(0), 1..=u16::MAX]
+}
+
+/// A line or a column, or 0 for none.
+fn place() -> impl Strategy<Value = u32> {
+    prop_oneof![Just(0), id()]
 }
 
 fn room(low: u32) -> impl Strategy<Value = Room> {
@@ -84,25 +95,36 @@ fn host() -> BoxedStrategy<HostRequest> {
         room(1).prop_map(HostRequest::Room),
         select(&[Drain::Auto, Drain::Off][..]).prop_map(HostRequest::Drain),
         (id(), perhaps_data()).prop_map(|(id, data)| HostRequest::Grant { id, data }),
-        (id(), name()).prop_map(|(id, code)| HostRequest::Refuse { id, code }),
+        (id(), failure()).prop_map(|(id, failure)| HostRequest::Refuse { id, failure }),
         select(&[HostRequest::Swap, HostRequest::Close, HostRequest::Open][..]),
     ]
     .boxed()
 }
 
 fn action() -> BoxedStrategy<Expected> {
-    let end = prop_oneof![Just(DeliveryEnd::Complete), name().prop_map(DeliveryEnd::Failed)];
-    let code = name().prop_filter("good is no fault", |code| code != "good");
-    let fault = (code, option::of(id()), option::of(id()), status())
-        .prop_map(|(code, line, column, status)| CheckFault { code, line, column, status });
     prop_oneof![
-        (id(), perhaps_data(), end, status(), option::of(".{0,10}")).prop_map(
-            |(id, data, end, status, name)| Expected::Deliver { id, data, end, status, name }
+        (id(), perhaps_data(), option::of(failure()), status(), option::of(".{0,10}")).prop_map(
+            |(id, data, failure, status, name)| Expected::Deliver {
+                id,
+                data,
+                failure,
+                status,
+                name
+            }
         ),
         (id(), option::of(any::<u64>())).prop_map(|(id, sent)| Expected::Done { id, sent }),
-        (id(), name(), status(), option::of(any::<u64>()))
-            .prop_map(|(id, code, status, sent)| Expected::Fail { id, code, status, sent }),
-        (id(), option::of(fault)).prop_map(|(id, fault)| Expected::Check { id, fault }),
+        (id(), failure(), status(), option::of(any::<u64>()))
+            .prop_map(|(id, failure, status, sent)| Expected::Fail { id, failure, status, sent }),
+        id().prop_map(|id| Expected::Check { id, failure: None, status: 0, line: 0, column: 0 }),
+        (id(), failure().prop_map(Some), status(), place(), place()).prop_map(
+            |(id, failure, status, line, column)| Expected::Check {
+                id,
+                failure,
+                status,
+                line,
+                column
+            }
+        ),
         (id(), name(), fields()).prop_map(|(id, kind, fields)| Expected::Request {
             id,
             kind,
@@ -115,24 +137,24 @@ fn action() -> BoxedStrategy<Expected> {
 
 fn expectation() -> BoxedStrategy<What> {
     prop_oneof![
-        some_bytes(false).prop_map(What::Send),
-        levels(ModemLine::OUTPUTS).prop_map(What::SetLines),
-        (1..=limits::BREAK_MICROS).prop_map(What::SendBreak),
-        action().prop_map(What::Act),
+        some_bytes(false).prop_map(Expected::Send),
+        levels(ModemLine::OUTPUTS).prop_map(Expected::SetLines),
+        (1..=limits::BREAK_MICROS).prop_map(Expected::SendBreak),
+        action(),
     ]
+    .prop_map(What::Expected)
     .boxed()
 }
 
 fn what() -> BoxedStrategy<What> {
-    prop_oneof![
-        some_bytes(true).prop_map(What::Receive),
-        some_bytes(true).prop_map(What::Burst),
-        line_event().prop_map(What::Line),
-        host().prop_map(What::Host),
-        expectation(),
-        Just(What::Quiet),
-    ]
-    .boxed()
+    let given = prop_oneof![
+        some_bytes(true).prop_map(Given::Receive),
+        some_bytes(true).prop_map(Given::Burst),
+        line_event().prop_map(Given::Line),
+        host().prop_map(Given::Host),
+    ];
+    prop_oneof![4 => given.prop_map(What::Given), 1 => expectation(), 1 => Just(What::Quiet)]
+        .boxed()
 }
 
 /// A step of time, the length of a window, what happens (`None`: a comment or

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::exchange::pace::Pace;
-use crate::{NoFiles, Piece, Trace, What};
+use crate::{Given, NoFiles, Piece, Trace, What};
 
 const HEAD: &str = "id: a.b\ntitle: T\nprofile: a\nclauses: a.c\nlevel: may\n\
                     line: 9600 8N1 depth=1 reaction=0\nsince: 1\norigin: hand-written\n---\n";
@@ -22,8 +22,8 @@ fn characters(trace: &Trace) -> Vec<(u64, Piece)> {
     let mut all = Vec::new();
     for entry in trace.entries() {
         let (payload, is_paced) = match &entry.what {
-            What::Receive(payload) => (payload, false),
-            What::Burst(payload) => (payload, true),
+            What::Given(Given::Receive(payload)) => (payload, false),
+            What::Given(Given::Burst(payload)) => (payload, true),
             _ => continue,
         };
         let mut number = 0;

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args;
 use serde::Serialize;
 use softplug_conformance::Sessions;
-use softplug_conformance::certify::CertifyOptions;
+use softplug_conformance::certify::{CertifyOptions, Loaded};
 use softplug_conformance::score::ScoreOptions;
 use softplug_explore::Bounds;
 use softplug_report::attest::{self, PublicKey, Source, VerifyError};
@@ -14,7 +14,7 @@ use softplug_report::{Difference, Report, compare, fuel_is_comparable, json};
 
 use super::certify::explored::explored;
 use super::certify::score::scored;
-use super::certify::{certified, files::ATTESTATION, read_baseline};
+use super::certify::{certified, certify_failure, files::ATTESTATION, read_baseline};
 use crate::corpus;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -91,7 +91,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         ..CertifyOptions::new(&report.profile.name)
     };
     let stop = stop::on_signals()?;
-    let mut again = certified(&module, &corpus, &options, &stop, screen)?;
+    let loaded = Loaded::new(&module).map_err(certify_failure)?;
+    let mut again = certified(&loaded, &corpus, &options, &stop, screen)?;
     ended(&stop)?;
     if let Some(before) = &report.explored {
         let threads = options.threads;

@@ -5,7 +5,7 @@ use softplug_abi::{Event, LineParameters, Pass};
 use softplug_link::UnderWay;
 use softplug_live::recorder::{Entry as Kept, Recording};
 use softplug_trace::{
-    Assignment, Entry, Exact, FrontMatter, Level, Line, LineSettings, ModemLevels, Origin, Parity,
+    Assignment, Entry, Exact, FrontMatter, Given, Level, Line, LineSettings, ModemLevels, Origin,
     Payload, Permutations, Room, SourceLine, Time, Trace, What, When, is_slug,
 };
 use std::path::{Path, PathBuf};
@@ -191,7 +191,7 @@ fn encoded(event: &Event<'_>) -> Payload {
 }
 
 fn line(at: Time, exact: Exact) -> Line {
-    Line::Entry(entry(at, What::Exact(exact)))
+    Line::Entry(entry(at, What::Given(Given::Exact(exact))))
 }
 
 fn entry(at: Time, what: What) -> Entry {
@@ -209,21 +209,7 @@ fn line_settings(recording: &Recording) -> LineSettings {
             Ok(Event::Open { line, .. }) => Some(line),
             _ => None,
         });
-    let line = opened.unwrap_or_else(|| LineParameters::new(0));
-    LineSettings {
-        baud: line.baud,
-        data_bits: line.data_bits,
-        parity: match line.parity {
-            softplug_abi::Parity::None => Parity::None,
-            softplug_abi::Parity::Even => Parity::Even,
-            softplug_abi::Parity::Odd => Parity::Odd,
-            softplug_abi::Parity::Mark => Parity::Mark,
-            softplug_abi::Parity::Space => Parity::Space,
-        },
-        stop_half_bits: line.stop_half_bits,
-        depth: 1,
-        reaction: 0,
-    }
+    opened.unwrap_or_else(|| LineParameters::new(0)).into()
 }
 
 #[cfg(test)]

@@ -7,11 +7,11 @@ use self::numbers::Numbers;
 use crate::given::case::Case;
 use crate::given::lines::{line_parameters, modem_lines};
 use crate::given::timeline::{Input, Timeline, Windows};
-use crate::run::effect::Effect;
 use crate::run::fault::{Fault, FaultClass};
-use crate::run::outcome::{Outcome, Seen};
+use crate::run::outcome::Outcome;
 use crate::run::permute::{Permutation, Rooms};
 use crate::run::rerun::rerun;
+use crate::run::seen::Seen;
 use crate::run::subject::Subject;
 use crate::run::watched::{Meter, Watched};
 use crate::run::way::{Before, Swaps, Way};
@@ -39,9 +39,10 @@ const SECOND_ROUND: u32 = (1 << 24) - 1;
 /// Runs a trace once, in one permutation. The seed changes where random cuts fall.
 ///
 /// ```
-/// use softplug_abi::Micros;
+/// use softplug_abi::{JobId, Micros};
 /// use softplug_abi::manifest::Manifest;
-/// use softplug_conformance::{Effect, FromFn, Outcome, Permutation, Seen, load, replay};
+/// use softplug_conformance::{FromFn, Outcome, Permutation, Seen, load, replay};
+/// use softplug_link::Observed;
 /// use softplug_native::NativePlugin;
 ///
 /// let plugin = NativePlugin::XonXoff;
@@ -51,9 +52,9 @@ const SECOND_ROUND: u32 = (1 << 24) - 1;
 /// let Outcome { seen, fault, .. } = replay(&subject, case, &Permutation::Uncut, 0);
 /// assert_eq!(fault, None);
 /// // XOFF came behind the second of four bytes, XON at 2 s.
-/// assert!(seen.contains(&Seen { at: Micros(2_000_000), effect: Effect::Byte(b'C') }));
-/// let done = Effect::Done { id: 1, sent: Some(4) };
-/// assert_eq!(seen.last(), Some(&Seen { at: Micros(2_002_084), effect: done }));
+/// assert!(seen.contains(&Seen { at: Micros(2_000_000), what: Observed::Byte(b'C') }));
+/// let what = Observed::Done { job: JobId(1), sent: 4 };
+/// assert_eq!(seen.last(), Some(&Seen { at: Micros(2_002_084), what }));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn replay<S: Subject>(
@@ -212,8 +213,7 @@ impl<'a, S: Subject> Run<'a, S> {
         let run = self.run_all();
         let since = self.offset;
         let seen = self.odd.take().unwrap_or_else(|| self.seen());
-        let bytes =
-            received(&self.timeline) + seen.iter().map(|seen| moved(&seen.effect)).sum::<u64>();
+        let bytes = received(&self.timeline) + seen.iter().map(Seen::bytes).sum::<u64>();
         // Fuel is counted when instances end.
         drop(self.line);
         let fuel = self.meter.fuel.get();
@@ -228,9 +228,7 @@ impl<'a, S: Subject> Run<'a, S> {
         let mut numbers = Numbers::behind(self.job_base);
         let seen = self.recorder.observed.drain(self.first..);
         let mut seen: Vec<Seen> = seen
-            .filter_map(|(at, observed)| {
-                Some(Seen { at: at - since, effect: Effect::of(observed)? })
-            })
+            .filter_map(|(at, observed)| Seen::of(at - since, observed))
             .filter(|seen| seen.at <= last)
             .map(|seen| match self.way.before {
                 Before::Again(_) | Before::Case(_) => numbers.of_this_case(seen),
@@ -238,7 +236,7 @@ impl<'a, S: Subject> Run<'a, S> {
             })
             .collect();
         // What the port was given ahead is observed ahead.
-        seen.sort_by_key(|seen| (seen.at, seen.effect.channel()));
+        seen.sort_by_key(|seen| (seen.at, seen.channel()));
         seen
     }
 
@@ -468,12 +466,4 @@ fn received(timeline: &Timeline) -> u64 {
         _ => 0,
     };
     timeline.given.iter().map(|given| bytes(&given.what)).sum()
-}
-
-fn moved(effect: &Effect) -> u64 {
-    match effect {
-        Effect::Byte(_) => 1,
-        Effect::Deliver(delivered) => delivered.bytes.len() as u64,
-        _ => 0,
-    }
 }

@@ -1,9 +1,8 @@
 //! Ids of jobs, requests and deliveries in a case that stands behind another one on the same link.
 
-use crate::run::effect::Effect;
-use crate::run::outcome::Seen;
+use crate::run::seen::Seen;
 use softplug_abi::Micros;
-use softplug_link::Observed;
+use softplug_link::{Delivery, Observed};
 
 /// The ids of one case behind another on the same link, as if it were the first.
 #[derive(Default)]
@@ -20,17 +19,17 @@ impl Numbers {
     }
 
     pub(super) fn of_this_case(&mut self, mut seen: Seen) -> Seen {
-        match &mut seen.effect {
-            Effect::Done { id, .. } | Effect::Fail { id, .. } | Effect::Check { id, .. } => {
-                *id = id.saturating_sub(self.job_base);
+        match &mut seen.what {
+            Observed::Done { job, .. }
+            | Observed::Failed { job, .. }
+            | Observed::Checked { job, .. } => job.0 = job.0.saturating_sub(self.job_base),
+            Observed::Request { request, .. } | Observed::Withdraw(request) => {
+                request.0 = number(&mut self.requests, request.0);
             }
-            Effect::Request { id, .. } | Effect::Withdraw(id) => {
-                *id = number(&mut self.requests, *id);
+            Observed::Delivery(Delivery { id, .. }) => {
+                id.0 = number(&mut self.deliveries, id.0);
             }
-            Effect::Deliver(delivered) => {
-                delivered.id = number(&mut self.deliveries, delivered.id);
-            }
-            Effect::Byte(_) | Effect::Break(_) | Effect::Lines(..) => {}
+            _ => {}
         }
         seen
     }

@@ -13,6 +13,7 @@ use super::context::ScriptContext;
 use super::failure::{Outcome, diverged};
 use crate::run::class::Class;
 use crate::run::permute::Permutation;
+use crate::run::seen::Seen;
 use crate::run::{outcome, replay};
 use random::{Shape, conditions};
 use saving::Saving;
@@ -138,9 +139,8 @@ fn same(class: Class, first: &outcome::Outcome, second: &outcome::Outcome) -> Ou
         return Ok(());
     }
     let at = expected.or(observed).map_or(Micros::ZERO, |seen| seen.at);
-    let text = |seen: Option<&outcome::Seen>| match seen {
-        Some(seen) => format!("at {} {:?}", seen.at, seen.effect),
-        None => "nothing".to_owned(),
+    let text = |seen: Option<&Seen>| {
+        seen.map_or_else(|| "nothing".to_owned(), |seen| format!("at {seen}"))
     };
     let mut failure = diverged(at, class.text(), text(expected), text(observed));
     failure.class = class;

@@ -9,7 +9,7 @@ use super::note::Notes;
 use super::timeline::{Event, Timeline};
 use super::*;
 use crate::limits;
-use crate::model::{Line, LineEvent, ModemLine, NoFiles, What};
+use crate::model::{Expected, Given, Line, LineEvent, ModemLine, NoFiles, What};
 
 /// Front matter for a line.
 fn front(line: &str) -> FrontMatter {
@@ -55,7 +55,8 @@ fn timeline(trace: &Trace) -> Vec<(i64, String)> {
     for event in &timeline.events {
         let Event { at, what, .. } = event;
         match what {
-            What::Receive(_) | What::Burst(_) | What::Send(_) => {
+            What::Given(Given::Receive(_) | Given::Burst(_))
+            | What::Expected(Expected::Send(_)) => {
                 all.extend(event.characters(timeline.pace).map(|character| {
                     let way = if character.received { "received" } else { "sent" };
                     let damage =
@@ -63,7 +64,8 @@ fn timeline(trace: &Trace) -> Vec<(i64, String)> {
                     (character.at, format!("{way} {:02X}{damage}", character.byte))
                 }));
             }
-            What::SetLines(levels) | What::Line(LineEvent::Modem(levels)) => {
+            What::Expected(Expected::SetLines(levels))
+            | What::Given(Given::Line(LineEvent::Modem(levels))) => {
                 for (line, on) in &levels.0 {
                     if known.0.insert(*line, *on) != Some(*on) {
                         all.push((*at, format!("{} {on}", line.name())));
@@ -106,8 +108,11 @@ fn there_and_back(trace: &Trace, format: Format) -> Trace {
 fn is_held(format: Format, line: &Line) -> bool {
     let Line::Entry(entry) = line else { return false };
     match &entry.what {
-        What::Receive(_) | What::Burst(_) | What::Send(_) => true,
-        What::SetLines(_) | What::Line(LineEvent::Modem(_) | LineEvent::Error { .. }) => {
+        What::Given(Given::Receive(_) | Given::Burst(_)) | What::Expected(Expected::Send(_)) => {
+            true
+        }
+        What::Expected(Expected::SetLines(_))
+        | What::Given(Given::Line(LineEvent::Modem(_) | LineEvent::Error { .. })) => {
             format == Format::Pcapng
         }
         _ => false,

@@ -3,11 +3,12 @@
 use proptest::collection::{btree_map, vec};
 use proptest::prelude::*;
 use proptest::sample::select;
+use softplug_abi::LineErrorKind;
 
 use super::super::pace::Pace;
 use super::*;
 use crate::model::{
-    BadKind, Entry, Item, LineErrorKind, ModemLevels, Payload, SourceLine, Time, When,
+    BadKind, Entry, Expected, Given, Item, ModemLevels, Payload, SourceLine, Time, When,
 };
 
 const BODY: &str = r#"? 0.000000 send 1 "AB"
@@ -91,9 +92,9 @@ fn levels(lines: &'static [ModemLine]) -> impl Strategy<Value = ModemLevels> {
 fn what(format: Format) -> BoxedStrategy<What> {
     let damage = matches!(format, Format::Pcapng | Format::Saleae);
     let characters = prop_oneof![
-        characters(damage).prop_map(What::Receive),
-        characters(damage).prop_map(What::Burst),
-        characters(false).prop_map(What::Send),
+        characters(damage).prop_map(Given::Receive).prop_map(What::Given),
+        characters(damage).prop_map(Given::Burst).prop_map(What::Given),
+        characters(false).prop_map(Expected::Send).prop_map(What::Expected),
     ];
     if format != Format::Pcapng {
         return characters.boxed();
@@ -106,10 +107,10 @@ fn what(format: Format) -> BoxedStrategy<What> {
     ];
     prop_oneof![
         4 => characters,
-        1 => levels(ModemLine::INPUTS).prop_map(|levels| What::Line(LineEvent::Modem(levels))),
-        1 => levels(ModemLine::OUTPUTS).prop_map(What::SetLines),
+        1 => levels(ModemLine::INPUTS).prop_map(|levels| What::Given(Given::Line(LineEvent::Modem(levels)))),
+        1 => levels(ModemLine::OUTPUTS).prop_map(Expected::SetLines).prop_map(What::Expected),
         1 => select(kinds.to_vec())
-            .prop_map(|kind| What::Line(LineEvent::Error { kind, byte: None, span: 0 })),
+            .prop_map(|kind| What::Given(Given::Line(LineEvent::Error { kind, byte: None, span: 0 }))),
     ]
     .boxed()
 }
@@ -132,12 +133,14 @@ fn any_trace(format: Format) -> impl Strategy<Value = Trace> {
             let count = what.payload().and_then(Payload::length).unwrap_or(0) as usize;
             let after = |count: usize| pace.of_characters(count) as u64;
             let at = match &what {
-                What::Send(_) => {
+                What::Expected(Expected::Send(_)) => {
                     let at = time.max(sent);
                     sent = at + after(count);
                     at
                 }
-                What::Receive(_) | What::Burst(_) | What::Line(LineEvent::Error { .. }) => {
+                What::Given(
+                    Given::Receive(_) | Given::Burst(_) | Given::Line(LineEvent::Error { .. }),
+                ) => {
                     let at = time.max(received);
                     received = at + after(count + 1);
                     at

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use softplug_conformance::certify::{
-    Baseline, CertifyError, CertifyOptions, Progress, certify, observe,
+    Baseline, CertifyError, CertifyOptions, Loaded, Progress, certify, observe,
 };
 use softplug_conformance::score::ScoreOptions;
 use softplug_conformance::{Corpus, Sessions};
@@ -113,15 +113,15 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     // Before anything is made: whoever sees the folder can end the run cleanly.
     let stop = stop::on_signals()?;
     let folder = arguments.out.as_deref().map(Folder::make).transpose()?;
+    let loaded = Loaded::new(&module).map_err(certify_failure)?;
     let profile = CertifyOptions::new(&arguments.profile);
     let threads = arguments.threads.map_or(profile.threads, usize::from);
     let count = match arguments.random {
         None => profile.sessions.count,
         Some(Amount::Count(count)) => count,
-        Some(Amount::For(time)) => {
-            Sessions::within(&module, &corpus, &arguments.profile, time, threads)
-                .map_err(|error| Failure::new(Exit::PlugIn, error))?
-        }
+        Some(Amount::For(time)) => loaded
+            .sessions_within(&corpus, &arguments.profile, time, threads)
+            .map_err(|error| Failure::new(Exit::PlugIn, error))?,
     };
     let options = CertifyOptions {
         sessions: Sessions { count, seed: arguments.seed.unwrap_or(profile.sessions.seed) },
@@ -135,7 +135,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     if let Some(folder) = &folder {
         folder.clear()?;
     }
-    let mut report = certified(&module, &corpus, &options, &stop, screen)?;
+    let mut report = certified(&loaded, &corpus, &options, &stop, screen)?;
     let mut is_whole = true;
     if let Some(faults) = arguments.explore {
         let bounds = Bounds { faults, threads, ..Bounds::default() };
@@ -155,7 +155,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         let attestation = key.as_ref().map(|key| sign(&report, key)).transpose()?;
         let runs = report.cases.iter().filter_map(|case| case.failures.first());
         let runs: Vec<_> = runs.take(OBSERVED).map(|failure| failure.run.as_str()).collect();
-        let observed = observe(&module, &corpus, runs, &options).map_err(certify_failure)?;
+        let observed = observe(&loaded, &corpus, runs, &options);
         folder.write(&report, &observed, attestation.as_deref())?;
     }
 
@@ -172,7 +172,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
 
 /// Runs the certification with a progress bar. `stop` ends it, and the report says so.
 pub(super) fn certified(
-    module: &[u8],
+    loaded: &Loaded<'_>,
     corpus: &Corpus,
     options: &CertifyOptions,
     stop: &AtomicBool,
@@ -186,7 +186,7 @@ pub(super) fn certified(
             bar.set_message(format!("{} failed", progress.failed));
         }
     };
-    let certified = certify(module, corpus, options, &progress, stop);
+    let certified = certify(loaded, corpus, options, &progress, stop);
     bar.finish_and_clear();
     certified.map_err(certify_failure)
 }
@@ -213,7 +213,7 @@ fn sign(report: &Report, key: &PrivateKey) -> Result<String, Failure> {
     attest::sign(report, key).map_err(Failure::internal)
 }
 
-fn certify_failure(error: CertifyError) -> Failure {
+pub(super) fn certify_failure(error: CertifyError) -> Failure {
     match &error {
         CertifyError::UnknownProfile { .. } => {
             Failure::usage(error).hint("`softplug cases` shows which cases each has")

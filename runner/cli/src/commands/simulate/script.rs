@@ -7,7 +7,9 @@ use softplug_abi::Micros;
 use softplug_conformance::{bad_kind, line_parameters, load};
 use softplug_machines::Signal;
 use softplug_machines::script::Line;
-use softplug_trace::{Entry, LineSettings, NoFiles, Payload, PayloadError, Piece, What};
+use softplug_trace::{
+    Entry, Expected, Given, LineSettings, NoFiles, Payload, PayloadError, Piece, What,
+};
 use thiserror::Error;
 
 use super::{Common, RunOptions};
@@ -100,17 +102,22 @@ impl Reading {
     fn read(&mut self, entry: &Entry) -> Result<(), NotSimulated> {
         let at = Micros(i64::try_from(entry.when.from.0).unwrap_or(i64::MAX));
         match &entry.what {
-            What::Receive(payload) => self.says(at, Micros::ZERO, payload),
-            What::Burst(payload) => self.says(at, self.character, payload),
-            What::Send(payload) => {
+            What::Given(Given::Receive(payload)) => self.says(at, Micros::ZERO, payload),
+            What::Given(Given::Burst(payload)) => self.says(at, self.character, payload),
+            What::Expected(Expected::Send(payload)) => {
                 let bytes = payload.bytes(&NoFiles)?;
                 let count = i64::try_from(bytes.len()).unwrap_or(i64::MAX);
                 self.latest = at + Micros(self.character.0.saturating_mul(count));
                 self.expected.extend(bytes.into_iter().map(|byte| (byte, entry.line.0)));
                 Ok(())
             }
-            What::Line(_) | What::SetLines(_) | What::SendBreak(_) => Err(NotSimulated::NoBytes),
-            What::Host(_) | What::Act(_) | What::Exact(_) | What::Quiet => Ok(()),
+            What::Given(Given::Line(_))
+            | What::Expected(Expected::SetLines(_) | Expected::SendBreak(_)) => {
+                Err(NotSimulated::NoBytes)
+            }
+            What::Given(Given::Host(_) | Given::Exact(_)) | What::Expected(_) | What::Quiet => {
+                Ok(())
+            }
         }
     }
 

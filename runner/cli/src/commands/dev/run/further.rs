@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 use softplug_conformance::Corpus;
-use softplug_conformance::certify::{ABI, CertifyOptions, certify};
+use softplug_conformance::certify::{ABI, CertifyOptions, Loaded, certify};
 use softplug_explore::{Bounds, Changes, explore, plans};
 use softplug_report::{Coverage, Report};
 
@@ -99,7 +99,7 @@ fn judged(
     let own = root.join(REQUIREMENTS).join(format!("{profile}.toml")).is_file();
     let corpus = if own { Corpus::read(root)? } else { Corpus::embedded() };
     let options = CertifyOptions::new(profile);
-    Ok(certify(&built.module, &corpus, &options, &|_| {}, broken_off)?)
+    Ok(certify(&Loaded::new(&built.module)?, &corpus, &options, &|_| {}, broken_off)?)
 }
 
 fn show(profile: &str, report: &Report, screen: &Screen) {

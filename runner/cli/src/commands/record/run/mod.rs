@@ -10,13 +10,13 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use softplug_abi::{LineParameters, Micros, Parity};
+use softplug_abi::{LineParameters, Micros};
 use softplug_live::port::line_text;
 use softplug_live::tap::{Event, Side, Tap, Turn};
 use softplug_live::{Input, Port, PortOptions, PortSpec};
 use softplug_trace::{
-    Assignment, Entry, FrontMatter, HostRequest, Item, Level, Line, LineSettings, Origin, Payload,
-    Permutations, SourceLine, Time, What, When,
+    Assignment, Entry, Expected, FrontMatter, Given, HostRequest, Item, Level, Line, LineSettings,
+    Origin, Payload, Permutations, SourceLine, Time, What, When,
 };
 
 use self::completion::Completion;
@@ -363,17 +363,17 @@ impl Recording {
             }
         }
         let what = match what {
-            Happening::Given(characters) => What::Receive(self.given(characters)),
-            Happening::Burst(characters) => What::Burst(self.given(characters)),
+            Happening::Given(characters) => What::Given(Given::Receive(self.given(characters))),
+            Happening::Burst(characters) => What::Given(Given::Burst(self.given(characters))),
             Happening::Sent(mut bytes) => {
                 for byte in &mut bytes {
                     *byte = self.redacted(Way::Sent, *byte);
                 }
-                What::Send(Payload::from_bytes(&bytes))
+                What::Expected(Expected::Send(Payload::from_bytes(&bytes)))
             }
-            Happening::SentBreak(micros) => What::SendBreak(micros),
-            Happening::SetLines(levels) => What::SetLines(levels),
-            Happening::Line(event) => What::Line(event),
+            Happening::SentBreak(micros) => What::Expected(Expected::SendBreak(micros)),
+            Happening::SetLines(levels) => What::Expected(Expected::SetLines(levels)),
+            Happening::Line(event) => What::Given(Given::Line(event)),
             Happening::Remark(text) => return self.writer.add(Line::Comment(text)),
         };
         self.add_entry(time, what)
@@ -448,7 +448,7 @@ fn front(arguments: &Arguments, profile: &str, side: Side, line: LineParameters)
         clauses: vec![format!("{profile}.recorded")],
         level: Level::May,
         edge: None,
-        line: line_settings(line),
+        line: line.into(),
         config: config(arguments),
         room: softplug_trace::Room::default(),
         modem: softplug_trace::ModemLevels::default(),
@@ -461,23 +461,6 @@ fn front(arguments: &Arguments, profile: &str, side: Side, line: LineParameters)
         permute: Permutations::default(),
         leaves: String::new(),
         bytes: None,
-    }
-}
-
-fn line_settings(line: LineParameters) -> LineSettings {
-    LineSettings {
-        baud: line.baud,
-        data_bits: line.data_bits,
-        parity: match line.parity {
-            Parity::None => softplug_trace::Parity::None,
-            Parity::Odd => softplug_trace::Parity::Odd,
-            Parity::Even => softplug_trace::Parity::Even,
-            Parity::Mark => softplug_trace::Parity::Mark,
-            Parity::Space => softplug_trace::Parity::Space,
-        },
-        stop_half_bits: line.stop_half_bits,
-        depth: 1,
-        reaction: 0,
     }
 }
 

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, LineParameters, Micros, ModemLines, NoteLevel};
-use softplug_conformance::{bad_kind, line_error, modem_lines};
+use softplug_conformance::{bad_kind, modem_lines};
 use softplug_link::{LinkFault, LinkHost, LinkOptions, VirtualLine, WireHost};
 use softplug_trace::{LineEvent, ModemLevels};
 
@@ -176,7 +176,7 @@ impl Rehearsal {
                 link.modem_lines(at, known, self.modem, watcher)
             }
             LineEvent::Error { kind, byte, span } => {
-                link.line_error(at, line_error(*kind), *byte, *span, watcher)
+                link.line_error(at, *kind, *byte, *span, watcher)
             }
             LineEvent::Down(_) | LineEvent::Up => Ok(()),
         };

@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 
 use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
-use softplug_conformance::{damage, line_error_name};
+use softplug_conformance::damage;
 use softplug_live::Input;
 use softplug_live::tap::{Event, Side};
 use softplug_trace::{BadKind, LineEvent, ModemLevels, ModemLine};
@@ -111,7 +111,6 @@ impl Story {
             }
             Input::LineError { kind, byte, span } => {
                 let at = now.max(self.receiver_free);
-                let kind = line_error_name(kind);
                 self.put(at, Happening::Line(LineEvent::Error { kind, byte, span }));
             }
         }
@@ -151,7 +150,7 @@ impl Story {
         let (bytes, remark) = match what {
             Input::Bytes(bytes) => (bytes.to_vec(), None),
             Input::LineError { kind, byte: Some(byte), .. } => {
-                let name = line_error_name(*kind).name();
+                let name = kind.name();
                 (vec![*byte], Some(format!(" The next byte came with a line error: {name}.")))
             }
             Input::LineError { kind: LineErrorKind::Break, .. } => {
@@ -163,7 +162,7 @@ impl Story {
                 return;
             }
             Input::LineError { kind, .. } => {
-                let name = line_error_name(*kind).name();
+                let name = kind.name();
                 self.put(now, Happening::Remark(format!(" The port reports: {name}.")));
                 return;
             }

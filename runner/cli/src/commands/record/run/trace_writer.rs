@@ -148,7 +148,7 @@ fn numbered(out: &Path, part: u32) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
-    use softplug_trace::{Entry, Payload, SourceLine, Time, What, When};
+    use softplug_trace::{Entry, Given, Payload, SourceLine, Time, What, When};
 
     use super::*;
 
@@ -162,7 +162,7 @@ mod tests {
         let mut writer = TraceWriter::create(&out, false, front).unwrap();
         writer.limits = Limits { bytes: usize::MAX, lines: 300 };
         for at in 0..1_000 {
-            let what = What::Receive(Payload::from_bytes(b"A"));
+            let what = What::Given(Given::Receive(Payload::from_bytes(b"A")));
             let when = When::at(Time(at));
             writer.add(Line::Entry(Entry { when, what, line: SourceLine::default() })).unwrap();
         }
