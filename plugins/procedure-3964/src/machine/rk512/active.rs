@@ -45,6 +45,11 @@ impl Machine {
         }
         let words = u16::try_from(words).map_err(|_| JOB_TOO_LONG)?;
         let count = self.job.block.as_mut_slice().get_mut(6..8).unwrap_or_default();
+        // A job may say how many words it has, and then it has so many.
+        let is_told = *count != [0, 0];
+        if is_told && *count != words.to_be_bytes() {
+            return Err(BAD_JOB);
+        }
         copy(count, &words.to_be_bytes());
         self.rk512.to_do = size;
         Ok(())
