@@ -3,6 +3,7 @@
 use super::header::{FETCH, FOLLOW_UP, Header};
 use super::{HEADER, LARGEST_DATA, SHORT_HEADER};
 use crate::cause::*;
+use crate::frame::holds_wider;
 use crate::job::Stage;
 use crate::machine::{Machine, NEVER, after};
 use softplug_plugin::{Context, DeliveryId, Failure, JobStart, copy};
@@ -90,6 +91,11 @@ impl Machine {
 
     fn is_follow_up(&self) -> bool {
         self.job.block.as_slice().first() == Some(&FOLLOW_UP)
+    }
+
+    /// Whether a follow-up, which begins with FF, would be needed on a line that cannot carry it.
+    pub(crate) fn needs_wide_follow_up(&self) -> bool {
+        self.rk512.to_do > LARGEST_DATA.into() && holds_wider(&[FOLLOW_UP], self.data_bits)
     }
 
     /// The partner has the telegram.
