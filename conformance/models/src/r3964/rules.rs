@@ -50,7 +50,7 @@ pub(super) enum Rule {
     Split,
     /// A job that comes in a reception.
     Waits,
-    /// A pause stops before the next STX.
+    /// A pause stops before the first STX of a block.
     Pause,
     /// An abort.
     Abort,
