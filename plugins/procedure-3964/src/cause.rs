@@ -23,6 +23,8 @@ pub(crate) const BAD_LENGTH: Cause = cause(Failure::BadJob, 0x050E);
 pub(crate) const JOB_TOO_LONG: Cause = cause(Failure::TooLong, 0x0517);
 /// Without doubling, `DLE ETX` in data would end the block.
 pub(crate) const END_IN_DATA: Cause = cause(Failure::UnsupportedCharacter, 0);
+/// A character of the line has fewer bits than a byte of data.
+pub(crate) const TOO_WIDE: Cause = cause(Failure::UnsupportedCharacter, 0);
 pub(crate) const SET_UP_REFUSED: Cause = cause(Failure::Refused, 0x0702);
 pub(crate) const SET_UP_UNANSWERED: Cause = cause(Failure::NoAnswer, 0x0703);
 pub(crate) const DISTURBED: Cause = cause(Failure::Protocol, 0x0704);

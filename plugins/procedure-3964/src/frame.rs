@@ -14,6 +14,11 @@ pub(crate) fn holds_end(data: &[u8]) -> bool {
     data.windows(2).any(|pair| matches!(pair, [DLE, ETX]))
 }
 
+/// Whether data hold a byte that has more bits than a character of the line.
+pub(crate) fn holds_wider(data: &[u8], data_bits: u8) -> bool {
+    data_bits < 8 && data.iter().any(|byte| byte >> data_bits != 0)
+}
+
 /// Where in a block the encoder or the decoder stands.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
 enum Part {

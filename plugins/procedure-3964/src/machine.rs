@@ -58,6 +58,9 @@ pub(crate) enum Owner {
 pub(crate) struct Machine {
     #[state(skip)]
     pub(crate) options: Options,
+    /// Bits of a character of the line.
+    #[state(skip)]
+    pub(crate) data_bits: u8,
     pub(crate) phase: Phase,
     /// When the wait of this phase is over.
     pub(crate) deadline: Micros,
@@ -110,6 +113,7 @@ impl Machine {
     pub(crate) fn new(options: Options) -> Self {
         Self {
             options,
+            data_bits: 8,
             phase: Phase::Idle,
             deadline: NEVER,
             departure: Departure::default(),
@@ -145,6 +149,7 @@ impl Machine {
         if self.options.reaction_timeout == 0 {
             self.options.reaction_timeout = timeout_at(opening.line.baud);
         }
+        self.data_bits = opening.line.data_bits;
         if !opening.resumed {
             self.limit = match self.options.layer {
                 Layer::Rk512 => LARGEST_TELEGRAM,

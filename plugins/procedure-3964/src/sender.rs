@@ -2,7 +2,7 @@
 
 use crate::Layer;
 use crate::cause::*;
-use crate::frame::{DLE, Encoder, NAK, STX, holds_end};
+use crate::frame::{DLE, Encoder, NAK, STX, holds_end, holds_wider};
 use crate::job::Stage;
 use crate::machine::{Machine, NEVER, Owner};
 use crate::phase::Phase;
@@ -70,6 +70,10 @@ impl Machine {
     pub(crate) fn block_ready(&mut self) -> Result<(), Cause> {
         if !self.options.doubling && holds_end(self.job.block.as_slice()) {
             return Err(END_IN_DATA);
+        }
+        // The line would carry another byte, and the check would agree.
+        if holds_wider(self.job.block.as_slice(), self.data_bits) || self.needs_wide_follow_up() {
+            return Err(TOO_WIDE);
         }
         self.job.stage = Stage::Ready;
         Ok(())

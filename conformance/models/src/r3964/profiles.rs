@@ -9,7 +9,7 @@ const fn line(baud: u32, parity: Parity, data_bits: u8) -> LineParameters {
     LineParameters { baud, data_bits, parity, stop_half_bits: 2 }
 }
 
-/// The manifests name 8E1; any other only changes times.
+/// The manifests name 8E1; any other only changes times, but for 7 data bits.
 const LINES: &[LineParameters] = &[
     line(9_600, Parity::Even, 8),
     line(9_600, Parity::Even, 8),
@@ -23,6 +23,7 @@ const LINES: &[LineParameters] = &[
     line(4_800, Parity::Even, 8),
     line(38_400, Parity::Even, 8),
     line(57_600, Parity::Even, 8),
+    line(9_600, Parity::Even, 7),
 ];
 
 /// The page's table, without the one of 3964.
@@ -74,6 +75,7 @@ pub(crate) const R3964: Profile = Profile {
         "r3964.line.frame",
         "r3964.line.bcc",
         "r3964.line.any-format",
+        "r3964.line.seven-bits",
         "r3964.tx.set-up",
         "r3964.tx.qvz",
         "r3964.tx.set-up-refused",
@@ -185,6 +187,7 @@ pub(crate) const SIMPLIFIED: Profile = Profile {
         "r3964-simplified.line.no-start-nak",
         "r3964-simplified.line.no-doubling",
         "r3964-simplified.line.no-check",
+        "r3964-simplified.line.seven-bits",
         "r3964-simplified.line.values",
         "r3964-simplified.tx.set-up",
         "r3964-simplified.tx.set-up-attempts",

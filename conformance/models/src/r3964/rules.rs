@@ -50,7 +50,7 @@ pub(super) enum Rule {
     Split,
     /// A job that comes in a reception.
     Waits,
-    /// A pause stops before the next STX.
+    /// A pause stops before the first STX of a block.
     Pause,
     /// An abort.
     Abort,
@@ -108,6 +108,8 @@ pub(super) enum Rule {
     Close,
     /// DLE goes as it is.
     NoDoubling,
+    /// What a line of 7 data bits cannot carry.
+    SevenBits,
     /// STX, data and end in one go.
     NoHandshake,
     /// STX is not answered.
@@ -134,6 +136,7 @@ const fn of_r3964(rule: Rule) -> &'static str {
     match rule {
         Rule::Frame | Rule::NoDoubling => "r3964.line.frame",
         Rule::Bcc => "r3964.line.bcc",
+        Rule::SevenBits => "r3964.line.seven-bits",
         Rule::SetUp | Rule::NoHandshake | Rule::Kinds => "r3964.tx.set-up",
         Rule::Qvz => "r3964.tx.qvz",
         Rule::SetUpRefused => "r3964.tx.set-up-refused",
@@ -185,6 +188,7 @@ const fn of_3964(rule: Rule) -> &'static str {
         Rule::Frame
         | Rule::Bcc
         | Rule::NoDoubling
+        | Rule::SevenBits
         | Rule::TooLongJob
         | Rule::Split
         | Rule::StartNak
@@ -237,6 +241,7 @@ const fn of_simplified(rule: Rule) -> &'static str {
         Rule::TooLongJob | Rule::RxTooLong => "r3964-simplified.line.block-size",
         Rule::StartNak => "r3964-simplified.line.no-start-nak",
         Rule::NoDoubling => "r3964-simplified.line.no-doubling",
+        Rule::SevenBits => "r3964-simplified.line.seven-bits",
         Rule::SetUp | Rule::Acknowledged | Rule::Pause | Rule::Waits | Rule::Kinds => {
             "r3964-simplified.tx.set-up"
         }
@@ -278,6 +283,7 @@ const fn of_rk512(rule: Rule) -> &'static str {
     match rule {
         Rule::Kinds => "rk512.job.kinds",
         Rule::NoDoubling => "rk512.line.no-doubling",
+        Rule::SevenBits => "rk512.line.seven-bits",
         Rule::Pause => "rk512.job.pause",
         Rule::Abort | Rule::AfterAbort => "rk512.job.abort",
         Rule::SetUpAttempts

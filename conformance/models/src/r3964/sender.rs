@@ -32,7 +32,7 @@ impl Station {
         if blocks.is_empty() {
             blocks.push(Vec::new());
         }
-        let (is_too_long, holds_end) = (blocks.len() > 1, self.holds_end(&blocks[0]));
+        let (is_too_long, unfit) = (blocks.len() > 1, self.unfit(&blocks[0]));
         self.job = Some(Job {
             id,
             blocks,
@@ -46,8 +46,8 @@ impl Station {
         });
         if is_too_long && !self.parameters.split {
             self.fail_job((Failure::TooLong, 0x0517, Rule::TooLongJob));
-        } else if holds_end {
-            self.fail_job((Failure::UnsupportedCharacter, 0, Rule::NoDoubling));
+        } else if let Some(rule) = unfit {
+            self.fail_job((Failure::UnsupportedCharacter, 0, rule));
         } else {
             self.begin_job();
         }
@@ -58,14 +58,31 @@ impl Station {
         !self.parameters.doubling && data.windows(2).any(|pair| pair == [DLE, super::frame::ETX])
     }
 
+    /// A character of the line may have fewer bits than a byte.
+    pub(crate) fn holds_wider(&self, data: &[u8]) -> bool {
+        let bits = u32::from(self.parameters.line.data_bits);
+        data.iter().any(|byte| u8::BITS - byte.leading_zeros() > bits)
+    }
+
+    /// What a block of these data cannot be sent for.
+    fn unfit(&self, data: &[u8]) -> Option<Rule> {
+        match (self.holds_end(data), self.holds_wider(data)) {
+            (true, _) => Some(Rule::NoDoubling),
+            (false, true) => Some(Rule::SevenBits),
+            (false, false) => None,
+        }
+    }
+
     /// Begins the next block of the job, if there is one that may.
     pub(super) fn begin_job(&mut self) {
         let next = self.job.as_ref().and_then(|job| job.blocks.first());
-        let holds_end = next.is_some_and(|data| self.holds_end(data));
+        let unfit = next.and_then(|data| self.unfit(data));
         let Some(job) = &mut self.job else { return };
-        if !job.has_begun && holds_end {
+        if let Some(rule) = unfit
+            && !job.has_begun
+        {
             // As soon as the data are there.
-            return self.fail_job((Failure::UnsupportedCharacter, 0, Rule::NoDoubling));
+            return self.fail_job((Failure::UnsupportedCharacter, 0, rule));
         }
         if self.state != State::Idle || self.quiet != Quiet::No || (job.is_paused && !job.gave_way)
         {

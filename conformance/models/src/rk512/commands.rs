@@ -5,7 +5,7 @@ use super::fields::command;
 use super::job::{Fault, Job, Stage};
 use super::layer::{Layer, Sender};
 use super::reactions::{GOOD, UNKNOWN, failure};
-use super::telegram::{Kind, SHORT};
+use super::telegram::{FOLLOW_UP, Kind, MOST, SHORT};
 use softplug_abi::{Failure, Micros};
 use std::sync::Arc;
 
@@ -37,7 +37,7 @@ impl Layer {
                     sent: 0,
                 };
                 self.job = Some(job);
-                self.refuse_end_in_data();
+                self.refuse_unfit();
                 self.feed(true);
             }
             Err((failure, status, clause)) => {
@@ -46,12 +46,20 @@ impl Layer {
         }
     }
 
-    /// Without doubling a telegram that holds DLE ETX cannot be sent.
-    fn refuse_end_in_data(&mut self) {
-        let telegram = self.job.as_ref().map(Job::telegram);
-        if telegram.is_some_and(|telegram| self.station.holds_end(&telegram)) {
-            self.fail_job((Failure::UnsupportedCharacter, 0, "rk512.line.no-doubling"));
-        }
+    /// Without doubling a telegram that holds DLE ETX cannot be sent, and on a line of 7 data
+    /// bits none that holds a byte of 8, nor one that others follow.
+    fn refuse_unfit(&mut self) {
+        let Some(job) = &self.job else { return };
+        let telegram = job.telegram();
+        let is_one = job.command.bytes() <= MOST;
+        let is_wide = self.station.holds_wider(&telegram)
+            || !is_one && self.station.holds_wider(&[FOLLOW_UP]);
+        let clause = match (self.station.holds_end(&telegram), is_wide) {
+            (true, _) => "rk512.line.no-doubling",
+            (false, true) => "rk512.line.seven-bits",
+            (false, false) => return,
+        };
+        self.fail_job((Failure::UnsupportedCharacter, 0, clause));
     }
 
     /// Whether the job has a telegram that may go now.
@@ -133,7 +141,7 @@ impl Layer {
         if is_whole {
             self.end_job();
         } else {
-            self.refuse_end_in_data();
+            self.refuse_unfit();
         }
     }
 

@@ -30,7 +30,10 @@ pub(super) fn command(
         return Err(BAD);
     }
     let block = fields.within("block", 0..=255)?;
-    let block_sent = block.filter(|_| area.is_block()).unwrap_or(0);
+    // Requests have a 0 where an area has no number.
+    if !area.is_block() && !matches!(block, None | Some(0)) {
+        return Err(BAD);
+    }
     let offset = fields.within("offset", 0..=255)?;
     // What it means that they are not given is left open.
     let is_whole = offset.is_some() && (block.is_some() || !area.is_block());
@@ -38,12 +41,9 @@ pub(super) fn command(
         return Err(BAD);
     }
     let flag = fields.flag()?;
-    // Whether a SEND may have a field that is a FETCH's is left open.
-    if kind == Kind::Send && fields.text("count").is_some() && ways.is_other() {
-        return Err(BAD);
-    }
+    let told = fields.within("count", 1..=65_535)?;
     let count = match kind {
-        Kind::Fetch => fields.within("count", 1..=65_535)?.ok_or(BAD)?,
+        Kind::Fetch => told.ok_or(BAD)?,
         // Whether nothing can be written is left open, and as what it fails.
         Kind::Send if data.is_empty() && ways.is_other() => return Err(BAD),
         Kind::Send if data.len() % 2 == 1 || data.is_empty() && ways.is_other() => {
@@ -56,10 +56,13 @@ pub(super) fn command(
         let too_long = (Failure::TooLong, 0x0517, "rk512.job.fields");
         return Err(if ways.is_other() { BAD } else { too_long });
     };
+    if told.is_some_and(|told| told != i64::from(count)) {
+        return Err(BAD);
+    }
     Ok(Command {
         kind,
         area,
-        block: block_sent as u8,
+        block: block.unwrap_or(0) as u8,
         offset: offset.unwrap_or(0) as u8,
         count,
         flag,
@@ -86,8 +89,12 @@ impl Fields<'_> {
 
     /// Bytes 9 and 10: the coordination flag and the CPU.
     fn flag(&self) -> Result<[u8; 2], Unfit> {
-        let byte = self.within("flag_byte", 0..=255)?;
+        // FF would be no flag.
+        let byte = self.within("flag_byte", 0..=254)?;
         let bit = self.within("flag_bit", 0..=7)?;
+        if byte.is_some() != bit.is_some() {
+            return Err(BAD);
+        }
         let cpu = self.within("cpu", 1..=4)?.unwrap_or(0xF);
         let low = bit.unwrap_or(0xF);
         Ok([byte.unwrap_or(0xFF) as u8, (cpu << 4 | low) as u8])

@@ -22,6 +22,7 @@ const LINES: &[LineParameters] = &[
     line(2_400, Parity::Even),
     line(4_800, Parity::Even),
     line(57_600, Parity::Even),
+    LineParameters { baud: 9_600, data_bits: 7, parity: Parity::Even, stop_half_bits: 2 },
 ];
 
 /// Below and above the data of one telegram.
@@ -37,6 +38,7 @@ pub(crate) const PROFILE: Profile = Profile {
         "rk512.line.telegram",
         "rk512.line.header",
         "rk512.line.no-doubling",
+        "rk512.line.seven-bits",
         "rk512.job.kinds",
         "rk512.job.fields",
         "rk512.job.pause",

@@ -202,6 +202,11 @@ impl Layer {
         }
     }
 
+    /// Whether a reaction with these data cannot be sent.
+    fn is_unfit(&self, data: &[u8]) -> bool {
+        self.station.holds_end(data) || self.station.holds_wider(data)
+    }
+
     /// The host answers.
     pub(super) fn answer(&mut self, id: u32, answer: &Result<Vec<u8>, Failure>) {
         let Some(request) = self.request.take_if(|request| request.id == Some(id)) else { return };
@@ -212,7 +217,7 @@ impl Layer {
         let number = match answer {
             Ok(data) if request.kind == Kind::Fetch && data.len() != request.part => LENGTH,
             // As if the host had refused.
-            Ok(data) if request.kind == Kind::Fetch && self.station.holds_end(data) => STOP,
+            Ok(data) if request.kind == Kind::Fetch && self.is_unfit(data) => STOP,
             Ok(_) => GOOD,
             Err(failure) => of_refusal(*failure),
         };

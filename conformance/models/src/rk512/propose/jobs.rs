@@ -20,22 +20,28 @@ pub(super) fn job(id: u32, dice: &mut Dice) -> HostRequest {
         field("area", area.to_owned());
     }
     let is_block = matches!(area, "DB" | "DX");
-    if is_block && !dice.one_in(60) || !is_block && dice.one_in(20) {
+    if is_block && !dice.one_in(60) || !is_block && dice.one_in(60) {
         field("block", number(255, dice));
+    } else if !is_block && dice.one_in(30) {
+        field("block", "0".to_owned());
     }
     if !dice.one_in(100) {
         field("offset", number(255, dice));
     }
     let unit = if matches!(area, "I" | "Q" | "M" | "E" | "A") { 1 } else { 2 };
-    if is_write == dice.one_in(150) {
-        let count = count(unit, dice);
+    let length = if is_write || dice.one_in(80) { length(dice) } else { 0 };
+    let has_count = if is_write { dice.one_in(30) } else { !dice.one_in(150) };
+    if has_count {
+        // A SEND has as many as its data are, if it says how many.
+        let is_right = is_write && !dice.one_in(4);
+        let count = if is_right { (length / 2).to_string() } else { count(unit, dice) };
         field("count", count);
     }
-    let (flag, cpu) = (dice.below(20), dice.one_in(5));
-    if flag <= 4 {
-        field("flag_byte", number(255, dice));
+    let (flag, cpu) = (dice.below(100), dice.one_in(5));
+    if flag < 22 {
+        field("flag_byte", number(254, dice));
     }
-    if flag < 4 || flag == 5 {
+    if flag < 20 || matches!(flag, 22 | 23) {
         let most = if dice.one_in(20) { 15 } else { 7 };
         field("flag_bit", number(most, dice));
     }
@@ -51,7 +57,6 @@ pub(super) fn job(id: u32, dice: &mut Dice) -> HostRequest {
         (true, _) => "write",
         (false, _) => "read",
     };
-    let length = if is_write || dice.one_in(80) { length(dice) } else { 0 };
     let data = (0..length).map(|_| value(dice)).collect();
     HostRequest::Job { id, kind: kind.to_owned(), fields, data }
 }

@@ -3,6 +3,7 @@
 use super::header::{FETCH, FOLLOW_UP, Header};
 use super::{HEADER, LARGEST_DATA, SHORT_HEADER};
 use crate::cause::*;
+use crate::frame::holds_wider;
 use crate::job::Stage;
 use crate::machine::{Machine, NEVER, after};
 use softplug_plugin::{Context, DeliveryId, Failure, JobStart, copy};
@@ -45,6 +46,11 @@ impl Machine {
         }
         let words = u16::try_from(words).map_err(|_| JOB_TOO_LONG)?;
         let count = self.job.block.as_mut_slice().get_mut(6..8).unwrap_or_default();
+        // A job may say how many words it has, and then it has so many.
+        let is_told = *count != [0, 0];
+        if is_told && *count != words.to_be_bytes() {
+            return Err(BAD_JOB);
+        }
         copy(count, &words.to_be_bytes());
         self.rk512.to_do = size;
         Ok(())
@@ -85,6 +91,11 @@ impl Machine {
 
     fn is_follow_up(&self) -> bool {
         self.job.block.as_slice().first() == Some(&FOLLOW_UP)
+    }
+
+    /// Whether a follow-up, which begins with FF, would be needed on a line that cannot carry it.
+    pub(crate) fn needs_wide_follow_up(&self) -> bool {
+        self.rk512.to_do > LARGEST_DATA.into() && holds_wider(&[FOLLOW_UP], self.data_bits)
     }
 
     /// The partner has the telegram.

@@ -56,11 +56,13 @@ impl Header {
                 BLOCK => (4, 0xFF),
                 OFFSET => (5, 0xFF),
                 COUNT => (7, 0xFF),
-                FLAG_BYTE => (8, 0xFF),
+                // FF stands for none.
+                FLAG_BYTE => (8, 0xFE),
                 FLAG_BIT => (9, 7),
                 _ => (9, 4),
             };
             let byte = match index {
+                COUNT if high == 0 && low == 0 => return None,
                 COUNT => {
                     header[6] = high;
                     low
@@ -75,8 +77,13 @@ impl Header {
             };
             header[place] = byte;
         }
-        if !matches!(header[3], b'D' | b'X') {
-            header[4] = 0;
+        let is_numbered = matches!(header[3], b'D' | b'X');
+        if !is_numbered && header[4] != 0 {
+            return None;
+        }
+        // A flag has a byte and a bit.
+        if (header[8] == 0xFF) != (header[9] & 0x0F == 0x0F) {
+            return None;
         }
         header[2] = match header[3] {
             1.. if is_read && (header[6] | header[7]) != 0 => FETCH,
@@ -166,9 +173,11 @@ mod tests {
     }
 
     #[test]
-    fn send_knows_no_count() {
-        let fields = [area("DB"), number(BLOCK, 16), number(OFFSET, 1)];
-        assert_eq!(header(false, &fields), Some([0, 0, 0x41, 0x44, 0x10, 1, 0, 0, 0xFF, 0xFF]));
+    fn send_needs_no_count() {
+        let fields = [area("DB"), number(BLOCK, 16), number(OFFSET, 1), number(COUNT, 258)];
+        assert_eq!(header(false, &fields), Some([0, 0, 0x41, 0x44, 0x10, 1, 1, 2, 0xFF, 0xFF]));
+        let fields = &fields[..3];
+        assert_eq!(header(false, fields), Some([0, 0, 0x41, 0x44, 0x10, 1, 0, 0, 0xFF, 0xFF]));
         let fields = [area("DX"), number(BLOCK, 16)];
         assert_eq!(header(false, &fields), Some([0, 0, 0x4F, 0x58, 0x10, 0, 0, 0, 0xFF, 0xFF]));
     }
@@ -214,8 +223,21 @@ mod tests {
         assert_eq!(ends(&fields(7, 4)), Some([100, 0x47]));
         assert_eq!(ends(&fields(0, 1)), Some([100, 0x10]));
         assert_eq!(ends(&fields(7, 4)[..4]), Some([100, 0xF7]));
-        let without_bit = [area("DB"), number(COUNT, 1), number(CPU, 2)];
-        assert_eq!(ends(&without_bit), Some([0xFF, 0x2F]));
+        let only = |field: &[_]| ends(&[&[area("DB"), number(COUNT, 1)][..], field].concat());
+        assert_eq!(only(&[number(CPU, 2)]), Some([0xFF, 0x2F]));
+        assert_eq!(only(&[number(FLAG_BYTE, 5)]), None, "a flag has a bit");
+        assert_eq!(only(&[number(FLAG_BIT, 5)]), None, "a flag has a byte");
+        assert_eq!(only(&[number(FLAG_BYTE, 254), number(FLAG_BIT, 5)]), Some([254, 0xF5]));
+        assert_eq!(only(&[number(FLAG_BYTE, 255), number(FLAG_BIT, 5)]), None, "FF is none");
+    }
+
+    #[test]
+    fn areas_without_a_number_have_none() {
+        for name in ["I", "Q", "M", "T", "C", "E", "A", "Z"] {
+            let fields = |block| [area(name), number(BLOCK, block), number(COUNT, 1)];
+            assert_eq!(header(true, &fields(0)).map(|header| header[4]), Some(0), "{name}");
+            assert_eq!(header(true, &fields(7)), None, "{name}");
+        }
     }
 
     #[test]
@@ -226,6 +248,7 @@ mod tests {
             (OFFSET, 256),
             (COUNT, 0x1_0000),
             (COUNT, -1),
+            (FLAG_BYTE, 255),
             (FLAG_BYTE, 256),
             (FLAG_BIT, 8),
             (CPU, 0),
@@ -241,6 +264,7 @@ mod tests {
         }
         assert_eq!(header(true, &[area("DB")]), None, "a read has a count");
         assert_eq!(header(true, &[area("DB"), number(COUNT, 0)]), None);
+        assert_eq!(header(false, &[area("DB"), number(COUNT, 0)]), None);
         assert_eq!(header(true, &[number(COUNT, 1)]), None, "an area is needed");
         assert_eq!(header(true, &[]), None);
     }

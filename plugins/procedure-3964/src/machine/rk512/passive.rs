@@ -7,7 +7,7 @@ use super::header::{
     SEND_DX,
 };
 use super::{HEADER, LARGEST_DATA, Rk512, SHORT_HEADER, Turn};
-use crate::frame::holds_end;
+use crate::frame::{holds_end, holds_wider};
 use crate::machine::{Machine, NEVER, after};
 use softplug_plugin::{Context, Failure, RequestId, Values};
 
@@ -58,7 +58,7 @@ impl Machine {
         more: bool,
     ) {
         if request == self.rk512.last_request && self.rk512.answer_until != NEVER {
-            self.rk512.answered(link, answer, more, self.options.doubling);
+            self.rk512.answered(link, answer, more, self.options.doubling, self.data_bits);
         }
         self.begin_block(link);
     }
@@ -141,6 +141,7 @@ impl Rk512 {
         answer: Result<&[u8], Failure>,
         more: bool,
         doubling: bool,
+        data_bits: u8,
     ) {
         let error = match answer {
             Ok(data) => {
@@ -155,6 +156,7 @@ impl Rk512 {
                 match fits && is_right {
                     false => LENGTH,
                     true if !doubling && holds_end(self.reaction.as_slice()) => IN_STOP,
+                    true if holds_wider(self.reaction_data(), data_bits) => IN_STOP,
                     true => 0,
                 }
             }
@@ -171,6 +173,10 @@ impl Rk512 {
             self.left = 0;
             self.react(self.is_next, error);
         }
+    }
+
+    fn reaction_data(&self) -> &[u8] {
+        self.reaction.as_slice().get(SHORT_HEADER..).unwrap_or_default()
     }
 
     /// A reaction without data.
