@@ -120,7 +120,8 @@ impl Fe {
 
     /// A line that waits for room finds it for certain.
     pub(super) fn takes_room(&mut self) {
-        self.takes_room_if(Room::must_take);
+        let is_mid_block = self.frame.as_ref().is_some_and(|frame| frame.kind == Kind::Block);
+        self.takes_room_if(Room::must_take, is_mid_block);
     }
 
     /// The host has put something away.
@@ -128,9 +129,10 @@ impl Fe {
         self.takes_room();
     }
 
-    /// The plug-in may know of more room than it was told of for certain.
+    /// The plug-in answers: it may know of more room than it was told of for certain, and may have
+    /// known of it when the line came.
     pub(super) fn takes_room_early(&mut self) {
-        self.takes_room_if(Room::may_take);
+        self.takes_room_if(Room::may_take, false);
     }
 
     /// A line waits for room that the plug-in may know of: its answer, if there is
@@ -140,21 +142,21 @@ impl Fe {
         reception.waiting.as_ref().is_some_and(|line| self.room.may_take(line.len()))
     }
 
-    fn takes_room_if(&mut self, has_room: impl Fn(&Room, usize) -> bool) {
+    fn takes_room_if(&mut self, has_room: impl Fn(&Room, usize) -> bool, answers_late: bool) {
         if let State::Receiving(reception) = &mut self.state
             && let Some(line) = reception.waiting.take_if(|line| has_room(&self.room, line.len()))
         {
-            self.delivers(&line);
+            self.delivers(&line, answers_late);
         }
     }
 
-    /// A good line finds room: it is delivered and answered.
-    fn delivers(&mut self, line: &[u8]) {
+    /// A good line finds room: it is delivered and answered, or behind the block that comes.
+    fn delivers(&mut self, line: &[u8], answers_late: bool) {
         let State::Receiving(reception) = &mut self.state else { return };
         reception.bytes.extend(line);
         reception.latest = self.now;
         self.room.deliver(line.len());
-        if self.frame.as_ref().is_some_and(|frame| frame.kind == Kind::Block) {
+        if answers_late {
             reception.owed = Some(line.to_vec());
         } else {
             self.out.send(&[ACK], "heidenhain-fe.rx.block");
