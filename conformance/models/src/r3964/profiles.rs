@@ -22,8 +22,7 @@ const LINES: &[LineParameters] = &[
     line(600, Parity::Even, 8),
     line(4_800, Parity::Even, 8),
     line(38_400, Parity::Even, 8),
-    line(57_600, Parity::Even, 8),
-    line(9_600, Parity::Even, 7),
+    line(57_600, Parity::Even, 7),
 ];
 
 /// The page's table, without the one of 3964.

@@ -64,6 +64,11 @@ impl Station {
         data.iter().any(|byte| u8::BITS - byte.leading_zeros() > bits)
     }
 
+    /// What comes of a byte on such a line.
+    pub(crate) fn carried(&self, byte: u8) -> u8 {
+        byte & u8::MAX >> u8::BITS.saturating_sub(self.parameters.line.data_bits.into())
+    }
+
     /// What a block of these data cannot be sent for.
     fn unfit(&self, data: &[u8]) -> Option<Rule> {
         match (self.holds_end(data), self.holds_wider(data)) {

@@ -21,8 +21,7 @@ const LINES: &[LineParameters] = &[
     line(0, Parity::None),
     line(2_400, Parity::Even),
     line(4_800, Parity::Even),
-    line(57_600, Parity::Even),
-    LineParameters { baud: 9_600, data_bits: 7, parity: Parity::Even, stop_half_bits: 2 },
+    LineParameters { baud: 57_600, data_bits: 7, parity: Parity::Even, stop_half_bits: 2 },
 ];
 
 /// Below and above the data of one telegram.

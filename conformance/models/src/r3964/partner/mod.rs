@@ -189,6 +189,23 @@ impl Partner {
         now: Micros,
         dice: &mut Dice,
     ) -> Proposal {
+        let mut proposal = self.thinks_of(station, upper, now, dice);
+        if let Given::Line(LineInput::Bytes(bytes)) = &mut proposal.given {
+            // What the line does not carry cannot come.
+            for byte in bytes {
+                *byte = station.carried(*byte);
+            }
+        }
+        proposal
+    }
+
+    fn thinks_of(
+        &mut self,
+        station: &Station,
+        upper: &dyn Upper,
+        now: Micros,
+        dice: &mut Dice,
+    ) -> Proposal {
         let mood = match self.mood {
             Some(mood) => mood,
             None => self.wakes(station, upper, dice),
