@@ -47,7 +47,7 @@ fn parts() -> Vec<Part> {
                 "given/timeline",
                 "run/back_to_back",
                 "run/cut",
-                "run/effect",
+                "run/seen",
                 "run/permute",
                 "run/replay/mod",
                 "judge/compare",
