@@ -342,8 +342,8 @@ impl FanucRs232 {
 
     /// A control that reads puts nothing out.
     fn end_output(&mut self, link: &mut Context<'_>) {
-        if self.kept.feed.is_read_now() {
-            self.kept.punch.flow.is_over(link, &self.settings);
+        if self.kept.feed.is_reading() {
+            self.kept.punch.flow.end(link, &self.settings);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::lathe::Lathe;
 use crate::stage::Stage;
-use crate::{ECHO, TICK, codes};
+use crate::{ECHO, TICK};
 use softplug_plugin::{Context, Failure, JobStart, NoteLevel, Pass};
 
 impl Lathe {
@@ -136,7 +136,7 @@ impl Lathe {
         self.finish(link);
         if failure != Failure::LinkDown {
             // Not of the queue: what is dropped of it belongs to jobs alone.
-            self.say(link, codes::STOP);
+            self.said.stop(link);
         }
     }
 

@@ -5,6 +5,7 @@ use crate::cut::Cut;
 use crate::line::Line;
 use crate::program::Program;
 use crate::queued::Queued;
+use crate::said::Said;
 use crate::settings::{Settings, Underrun};
 use crate::stage::Stage;
 use crate::thread::Thread;
@@ -19,10 +20,6 @@ const PIECE: usize = 256;
 const MARKS: usize = 16;
 /// Beyond so many, bytes are queued without one.
 const MARKS_OF_PIECES: u32 = 8;
-/// The marks of a hold and of a stop: the queue's own count up from 1.
-const SAID: [MarkId; 2] = [MarkId(u32::MAX), MarkId(u32::MAX - 1)];
-/// So many holds, and so many stops, wait to leave at most.
-const MOST_SAID: u8 = 8;
 /// A byte each.
 const PERIOD: Micros = Micros(250);
 /// Pulses of a thread that may wait in the queue.
@@ -77,8 +74,7 @@ pub(crate) struct Lathe {
     pub(crate) is_held: bool,
     /// Whether the queue is held for either reason.
     is_holding: bool,
-    /// Holds and stops that wait to leave.
-    said: [u8; 2],
+    pub(crate) said: Said,
     pub(crate) underruns: u32,
     /// Where the blocks before the first one end.
     pub(crate) rebuilt: (i64, i64),
@@ -127,7 +123,7 @@ impl Lathe {
             is_paused: false,
             is_held: false,
             is_holding: false,
-            said: [0; 2],
+            said: Said::default(),
             underruns: 0,
             rebuilt: (0, 0),
             timers: [None, None],
@@ -435,11 +431,9 @@ impl Lathe {
 
     /// News of a marked byte: of the last one that was queued.
     pub(crate) fn marked(&mut self, link: &mut Context<'_>, mark: MarkId, state: MarkState) {
-        if let Some(said) = self.said.iter_mut().zip(SAID).find(|(_, of)| mark == *of) {
-            *said.0 = said.0.saturating_sub(u8::from(state != MarkState::SurelyLeft));
-            return;
-        }
-        if state == MarkState::Dropped || mark <= self.mark_before || !self.stage.is_under_way() {
+        let is_said = self.said.marked(mark, state);
+        let is_old = state == MarkState::Dropped || mark <= self.mark_before;
+        if is_said || is_old || !self.stage.is_under_way() {
             return;
         }
         self.seen = mark;
@@ -561,17 +555,6 @@ impl Lathe {
         self.work(link);
     }
 
-    /// A hold or a stop passes the queue. Where so many wait already, those do for it.
-    pub(crate) fn say(&mut self, link: &mut Context<'_>, code: u8) {
-        let which = usize::from(code != codes::HOLD);
-        if let (Some(said), Some(mark)) = (self.said.get_mut(which), SAID.get(which))
-            && *said < MOST_SAID
-        {
-            *said += 1;
-            link.transmit_urgent_marked(*mark, &[code]);
-        }
-    }
-
     /// Holds the queue, or lets it go on. A thread cannot stand still, and behind a program's last
     /// byte there is nothing to hold.
     pub(crate) fn update_hold(&mut self, link: &mut Context<'_>) {
@@ -587,7 +570,7 @@ impl Lathe {
         self.is_holding = is_holding;
         if is_holding {
             link.hold();
-            self.say(link, codes::HOLD);
+            self.said.hold(link);
         } else {
             link.release();
         }
@@ -620,7 +603,7 @@ impl Lathe {
         state.bool(self.is_paused);
         state.bool(self.is_held);
         state.bool(self.is_holding);
-        self.said.iter().for_each(|said| state.u8(*said));
+        self.said.save(state);
         state.u64(self.rebuilt.0.cast_unsigned());
         state.u64(self.rebuilt.1.cast_unsigned());
         for timer in self.timers {
@@ -653,7 +636,7 @@ impl Lathe {
         self.is_paused = state.bool();
         self.is_held = state.bool();
         self.is_holding = state.bool();
-        self.said = [state.u8(), state.u8()];
+        self.said = Said::restore(state);
         self.rebuilt = (state.u64().cast_signed(), state.u64().cast_signed());
         self.timers = [state.deadline(), state.deadline()];
         self.queued.restore(state);

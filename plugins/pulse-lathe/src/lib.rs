@@ -14,6 +14,7 @@ mod line;
 mod octal;
 mod program;
 mod queued;
+mod said;
 mod settings;
 mod stage;
 mod status;

@@ -106,7 +106,7 @@ impl Flow {
     }
 
     /// The control reads: nothing is said for its output any more.
-    pub(super) fn is_over(&mut self, rules: &Rules, wire: &mut Wire, demands: &mut Demands) {
+    pub(super) fn end(&mut self, rules: &Rules, wire: &mut Wire, demands: &mut Demands) {
         if rules.output_flow == OutputFlow::Rts {
             self.go(rules, wire, demands);
         }

@@ -102,7 +102,7 @@ impl Fanuc {
     /// A control that reads puts nothing out.
     pub(super) fn end_output(&mut self) {
         if self.feed.is_reading() {
-            self.flow.is_over(&self.rules, &mut self.wire, &mut self.demands);
+            self.flow.end(&self.rules, &mut self.wire, &mut self.demands);
         }
     }
 

@@ -82,6 +82,27 @@ pub enum Exact {
     },
 }
 
+/// The bytes in a [`What`], borrowed as it is.
+macro_rules! payload_in {
+    ($what:expr) => {
+        match $what {
+            What::Given(
+                Given::Receive(payload)
+                | Given::Burst(payload)
+                | Given::Exact(Exact::Event { payload, .. })
+                | Given::Host(
+                    HostRequest::Job { data: payload, .. }
+                    | HostRequest::Grant { data: payload, .. },
+                ),
+            )
+            | What::Expected(Expected::Send(payload) | Expected::Deliver { data: payload, .. }) => {
+                Some(payload)
+            }
+            _ => None,
+        }
+    };
+}
+
 impl What {
     /// Whether the plug-in is given it.
     pub fn is_input(&self) -> bool {
@@ -111,21 +132,7 @@ impl What {
 
     /// The bytes that it carries, if it can carry any.
     pub fn payload(&self) -> Option<&Payload> {
-        match self {
-            Self::Given(
-                Given::Receive(payload)
-                | Given::Burst(payload)
-                | Given::Exact(Exact::Event { payload, .. })
-                | Given::Host(
-                    HostRequest::Job { data: payload, .. }
-                    | HostRequest::Grant { data: payload, .. },
-                ),
-            )
-            | Self::Expected(Expected::Send(payload) | Expected::Deliver { data: payload, .. }) => {
-                Some(payload)
-            }
-            _ => None,
-        }
+        payload_in!(self)
     }
 
     /// This with other bytes; unchanged if it cannot carry any.
@@ -137,21 +144,7 @@ impl What {
     }
 
     fn payload_mut(&mut self) -> Option<&mut Payload> {
-        match self {
-            Self::Given(
-                Given::Receive(payload)
-                | Given::Burst(payload)
-                | Given::Exact(Exact::Event { payload, .. })
-                | Given::Host(
-                    HostRequest::Job { data: payload, .. }
-                    | HostRequest::Grant { data: payload, .. },
-                ),
-            )
-            | Self::Expected(Expected::Send(payload) | Expected::Deliver { data: payload, .. }) => {
-                Some(payload)
-            }
-            _ => None,
-        }
+        payload_in!(self)
     }
 }
 

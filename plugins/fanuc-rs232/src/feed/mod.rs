@@ -83,7 +83,7 @@ impl Feed {
     }
 
     /// Whether the control takes characters of the job now.
-    pub(crate) fn is_read_now(&self) -> bool {
+    pub(crate) fn is_reading(&self) -> bool {
         self.is_started && self.is_ready
     }
 

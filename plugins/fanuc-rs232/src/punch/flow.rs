@@ -77,7 +77,7 @@ impl Flow {
     }
 
     /// The control reads: what it put out is over, and a code for it would stand in its program.
-    pub(crate) fn is_over(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    pub(crate) fn end(&mut self, link: &mut Context<'_>, settings: &Settings) {
         if settings.output_flow == OutputFlow::Rts {
             self.let_go(link, settings);
         }

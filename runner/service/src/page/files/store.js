@@ -65,6 +65,7 @@ function keepLink(link) {
 function dropLink(name) {
   links.delete(name);
   levels.delete(name);
+  receptions.delete(name);
   order = null;
   news.add(name);
 }
@@ -84,14 +85,14 @@ export const groups = () => [...new Set([...links.values()].map((link) => link.g
 
 /** Links first: the rest comes while they are shown already. */
 export async function load() {
-  for (const part of [loadJobs, loadJournal, loadPrograms, loadPlugins, loadKinds]) part().catch(() => {});
+  for (const part of [loadJobs, loadJournal, loadPrograms, loadPlugins, lookForBusesAndCells]) part().catch(() => {});
   for (const link of receptions.keys()) loadReceptions(link).catch(() => {});
   const [me] = await Promise.all([api.me(), loadLinks()]);
   role = me.role;
   changed();
 }
 
-async function loadKinds() {
+async function lookForBusesAndCells() {
   const [buses, cells] = await Promise.all([api.get('/buses'), api.get('/cells')]);
   has.buses = buses.length > 0;
   has.cells = cells.length > 0;
