@@ -1,5 +1,5 @@
 //! Scores the modules of the reference plug-ins and keeps what came of it:
-//! `cargo run --release -p softplug-conformance --example scores -- PLUGINS FILE SAMPLE SESSIONS [FILTER]`.
+//! `cargo run --release -p softplug-conformance --example scores -- PLUGINS FILE SAMPLE SESSIONS CROSSED [FILTER]`.
 //! Each score, with all its survivors, goes to standard output as a line of JSON.
 
 use softplug_conformance::Corpus;
@@ -13,12 +13,13 @@ use std::sync::atomic::AtomicBool;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [plugins, file, sample, sessions, filter @ ..] = arguments.as_slice() else {
-        return Err("PLUGINS FILE SAMPLE SESSIONS [FILTER] are wanted".into());
+    let [plugins, file, sample, sessions, crossed, filter @ ..] = arguments.as_slice() else {
+        return Err("PLUGINS FILE SAMPLE SESSIONS CROSSED [FILTER] are wanted".into());
     };
     let options = ScoreOptions {
         sample: Some(sample.parse()?),
         sessions: sessions.parse()?,
+        crossed: crossed.parse()?,
         ..ScoreOptions::default()
     };
     let file = Path::new(file);

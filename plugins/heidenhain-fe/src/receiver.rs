@@ -73,9 +73,9 @@ impl Receiver {
         i64::from(self.refusals) <= most
     }
 
-    /// ETX: it ends nothing behind a block that was refused.
+    /// ETX: it ends nothing behind a block that was refused, or that has no answer yet.
     pub(crate) fn at_end(&mut self) {
-        self.at_end = self.refusals == 0;
+        self.at_end = self.refusals == 0 && !self.owes_ack;
     }
 
     /// Whether EOT now ends the whole program.

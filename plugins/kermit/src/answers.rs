@@ -16,6 +16,9 @@ impl Kermit {
         number: u8,
         data: &[u8],
     ) {
+        // The text of an error ends where the longest packet does; nothing else is as long.
+        let most = usize::from(terms.short).min(self.settings.packet_length as usize);
+        let data = data.get(..most.saturating_sub(2 + usize::from(terms.check))).unwrap_or(data);
         let mut packet = Packet::new();
         packet.clear();
         packet.push(data);

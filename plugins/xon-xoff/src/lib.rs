@@ -65,8 +65,8 @@ impl Converter for XonXoff {
     parts!(receiver.timers);
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
-        self.sender.set_plain(&self.settings);
-        self.receiver.set_plain(&self.settings);
+        self.sender.prepare(&self.settings);
+        self.receiver.prepare(&self.settings);
         if opening.resumed {
             self.sender.set_timers(link);
         } else {

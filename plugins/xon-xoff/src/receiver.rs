@@ -63,6 +63,10 @@ pub(crate) struct Receiver {
     /// What comes is delivered as it is, but for control bytes.
     #[state(skip)]
     plain: bool,
+    /// Of so many bytes of the end mark: its [`longest_border`]. Found once, since each
+    /// character may ask for all of them.
+    #[state(skip)]
+    borders: [u8; 16],
 }
 
 impl Receiver {
@@ -82,11 +86,15 @@ impl Receiver {
         self.high = self.high.max(high);
     }
 
-    pub(crate) fn set_plain(&mut self, settings: &Settings) {
+    pub(crate) fn prepare(&mut self, settings: &Settings) {
         self.plain = !settings.transparent
             && settings.receive_line_end == LineEnd::Keep
             && settings.receive_drop.as_slice().is_empty()
             && settings.end_mark.as_slice().is_empty();
+        let mark = settings.end_mark.as_slice();
+        for (seen, border) in self.borders.iter_mut().enumerate().take(mark.len()) {
+            *border = longest_border(mark, seen) as u8;
+        }
     }
 
     /// Characters, none of them a control byte.
@@ -289,7 +297,7 @@ impl Receiver {
         }
         let mut progress = self.mark_progress as usize;
         while progress > 0 && mark.get(progress) != Some(&byte) {
-            progress = longest_border(mark, progress);
+            progress = usize::from(self.borders.get(progress).copied().unwrap_or(0));
         }
         if mark.get(progress) == Some(&byte) {
             progress += 1;

@@ -70,7 +70,7 @@ pub(crate) struct Sender {
 }
 
 impl Sender {
-    pub(crate) fn set_plain(&mut self, settings: &Settings) {
+    pub(crate) fn prepare(&mut self, settings: &Settings) {
         self.plain = settings.send_line_end == LineEnd::Keep
             && settings.send_drop.as_slice().is_empty()
             && !settings.transparent;

@@ -35,7 +35,8 @@ impl Fe {
             Some(ETX) => {
                 // One that does not wait for its answer ends nothing.
                 if let State::Receiving(reception) = &mut self.state {
-                    reception.has_etx = reception.waiting.is_none() && reception.refusals == 0;
+                    let is_answered = reception.waiting.is_none() && reception.owed.is_none();
+                    reception.has_etx = is_answered && reception.refusals == 0;
                 }
             }
             Some(EOT) => self.eot(),

@@ -17,7 +17,7 @@ pub(super) struct Reception {
     /// A good line that has found no room, with its end.
     pub(super) waiting: Option<Vec<u8>>,
     /// It found room while a block came: its answer follows that one.
-    owed: Option<Vec<u8>>,
+    pub(super) owed: Option<Vec<u8>>,
     /// When the latest character came, or the latest answer that was late.
     pub(super) latest: Micros,
 }

@@ -413,7 +413,9 @@ impl Kermit {
         data: &[u8],
         clause: &'static str,
     ) {
-        let packet = packet::packet(kind, number, data, agreed.check, 94);
+        let room = agreed.short.min(self.rules.packet_length) - 2 - agreed.check;
+        let text = if kind == b'E' { &data[..data.len().min(room)] } else { data };
+        let packet = packet::packet(kind, number, text, agreed.check, 94);
         self.out.send(&[&agreed.padding[..], &packet, &[agreed.end]].concat(), clause);
     }
 

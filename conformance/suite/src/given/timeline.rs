@@ -161,8 +161,14 @@ impl Timeline {
                 trace::Given::Exact(_) => {}
             }
         }
-        given.sort_by_key(|given| (given.at, !given.what.is_from_line()));
-        Ok(Self { given, end: micros(case.trace.end()) })
+        let mut timeline = Self { given, end: micros(case.trace.end()) };
+        timeline.sort();
+        Ok(timeline)
+    }
+
+    /// In the order of time; of one time, the line comes before the host.
+    pub(crate) fn sort(&mut self) {
+        self.given.sort_by_key(|given| (given.at, !given.what.is_from_line()));
     }
 }
 

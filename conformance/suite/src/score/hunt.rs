@@ -1,5 +1,7 @@
 //! Runs changed modules until a run fails.
 
+use super::crossings::Crossings;
+use super::effects::Effects;
 use crate::certify::reach::{Extent, Run, each_run};
 use crate::certify::shuffled;
 use crate::corpus::{Corpus, Listed, Source};
@@ -12,8 +14,6 @@ use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_host::{EngineKind, Host, HostOptions, Inspection, lint};
 use softplug_report::{Score, Shown, Survivor};
 use std::collections::BTreeMap;
-use std::fmt::{Debug, Write};
-use std::hash::{DefaultHasher, Hasher};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
@@ -26,8 +26,8 @@ const QUICK: usize = 40;
 /// ```
 /// use softplug_conformance::score::ScoreOptions;
 ///
-/// let ScoreOptions { sample, seed, sessions, permutations, .. } = ScoreOptions::default();
-/// assert_eq!((sample, seed, sessions, permutations), (Some(300), 1, 2_000, 400));
+/// let ScoreOptions { sample, seed, sessions, permutations, crossed, .. } = ScoreOptions::default();
+/// assert_eq!((sample, seed, sessions, permutations, crossed), (Some(300), 1, 2_000, 400, 1_000));
 /// ```
 #[derive(Clone, Debug)]
 pub struct ScoreOptions {
@@ -39,6 +39,8 @@ pub struct ScoreOptions {
     pub sessions: u32,
     /// Permutations that a change is run against at most, spread over all that reach it.
     pub permutations: usize,
+    /// Crossed traces of each profile that show whether what nothing noticed can be told.
+    pub crossed: u32,
     /// Changes that are looked into at a time.
     pub threads: usize,
 }
@@ -47,7 +49,14 @@ impl Default for ScoreOptions {
     fn default() -> Self {
         let threads = thread::available_parallelism().map_or(1, usize::from);
         // More permutations hardly notice more, and are what a change that nothing notices costs.
-        Self { sample: Some(300), seed: 1, sessions: WHOLE, permutations: 400, threads }
+        Self {
+            sample: Some(300),
+            seed: 1,
+            sessions: WHOLE,
+            permutations: 400,
+            crossed: 1_000,
+            threads,
+        }
     }
 }
 
@@ -186,6 +195,7 @@ fn add(score: &mut Score, change: &Change, fate: &Fate) {
 /// The runs by which changes are hunted.
 struct Hunter<'a> {
     runs: Vec<Reaching<'a>>,
+    crossings: Crossings<'a>,
     places: Places,
     seed: u64,
     permutations: usize,
@@ -202,10 +212,6 @@ struct Reaching<'a> {
     /// Of the module as it is.
     effects: Option<Effects>,
 }
-
-/// A hash of all that a run shows outside: bytes, deliveries, ends of jobs, and when.
-#[derive(Copy, Clone, PartialEq, Eq)]
-struct Effects(u64);
 
 /// What came of a run.
 struct Ended {
@@ -266,10 +272,22 @@ impl<'a> Hunter<'a> {
         let Some(runs) = reaching(&watcher, &cases, extent, sessions, threads, stop) else {
             return Ok(None);
         };
+        let Some(crossings) = Crossings::new(&watcher, &cases, options, stop) else {
+            return Ok(None);
+        };
         let compiled = host(EngineKind::Wasmtime, FUEL_PER_EVENT)?;
         let interpreted = host(EngineKind::Wasmi, FUEL_PER_EVENT)?;
         let ScoreOptions { seed, permutations, .. } = *options;
-        Ok(Some(Self { runs, places, seed, permutations, features, compiled, interpreted }))
+        Ok(Some(Self {
+            runs,
+            crossings,
+            places,
+            seed,
+            permutations,
+            features,
+            compiled,
+            interpreted,
+        }))
     }
 
     fn fate(
@@ -279,13 +297,12 @@ impl<'a> Hunter<'a> {
         is_over: &dyn Fn() -> bool,
     ) -> Result<Fate, ScoreError> {
         let Some(module) = changeable.apply(change) else { return Ok(Fate::Invalid) };
-        let reaches = |reaching: &&Reaching<'_>| {
-            self.places.is_executed(&reaching.executed, change.function, change.at)
-        };
+        let reaches =
+            |executed: &Executed| self.places.is_executed(executed, change.function, change.at);
         let (mut runs, permutations): (Vec<_>, Vec<_>) = self
             .runs
             .iter()
-            .filter(reaches)
+            .filter(|reaching| reaches(&reaching.executed))
             .partition(|reaching| !matches!(reaching.run, Run::Permutation(_)));
         let every = permutations.len().div_ceil(self.permutations.max(1)).max(1);
         runs.extend(permutations.into_iter().step_by(every));
@@ -307,6 +324,9 @@ impl<'a> Hunter<'a> {
         Ok(match self.hunted(&compiled, others, is_over)? {
             Hunted::Failed(failing) => Fate::Noticed(failing.run.by()),
             Hunted::Passed { is_different } if was_different || is_different => {
+                Fate::Survived(Shown::Different)
+            }
+            Hunted::Passed { .. } if self.crossings.tell(&compiled, &reaches, is_over)? => {
                 Fate::Survived(Shown::Different)
             }
             Hunted::Passed { .. } => Fate::Survived(Shown::Same),
@@ -411,22 +431,6 @@ impl<'a> Hunter<'a> {
                 Ended { is_failed: false, effects: None }
             }
         }
-    }
-}
-
-impl Effects {
-    fn of(seen: impl Debug) -> Self {
-        struct Into(DefaultHasher);
-        impl Write for Into {
-            fn write_str(&mut self, text: &str) -> std::fmt::Result {
-                self.0.write(text.as_bytes());
-                Ok(())
-            }
-        }
-        let mut hash = Into(DefaultHasher::new());
-        // Hashing never fails.
-        let _ = write!(hash, "{seen:?}");
-        Self(hash.0.finish())
     }
 }
 

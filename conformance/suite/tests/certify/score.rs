@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 const GOOD: Small = Small::good("xon-xoff.a.good");
 
 fn few(threads: usize) -> ScoreOptions {
-    ScoreOptions { sample: Some(40), seed: 7, sessions: 0, permutations: 400, threads }
+    ScoreOptions { sample: Some(40), seed: 7, sessions: 0, permutations: 400, crossed: 0, threads }
 }
 
 fn scored(module: &[u8], corpus: &Corpus, options: &ScoreOptions) -> Result<Score, ScoreError> {

@@ -51,8 +51,14 @@ samples! {
 
 /// 60 changes, and few of the sessions of a verdict.
 fn assert_most_are_noticed(plugin: &str) {
-    let options =
-        ScoreOptions { sample: Some(60), seed: 1, sessions: 200, permutations: 0, threads: 1 };
+    let options = ScoreOptions {
+        sample: Some(60),
+        seed: 1,
+        sessions: 200,
+        permutations: 0,
+        crossed: 0,
+        threads: 1,
+    };
     let stop = AtomicBool::new(false);
     let score = score(&module(plugin), &Corpus::embedded(), &options, &|_, _| {}, &stop)
         .unwrap_or_else(|error| panic!("{plugin}: {error}"));

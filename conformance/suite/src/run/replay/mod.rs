@@ -15,9 +15,10 @@ use crate::run::seen::Seen;
 use crate::run::subject::Subject;
 use crate::run::watched::{Meter, Watched};
 use crate::run::way::{Before, Swaps, Way};
-use softplug_abi::manifest::SettingValues;
+use softplug_abi::manifest::Manifest;
 use softplug_abi::{Instance, Micros, ModemLines};
 use softplug_link::{LinkFault, LinkOptions, Recorder, VirtualLine};
+use std::fmt::Display;
 use std::num::NonZeroUsize;
 use std::rc::Rc;
 
@@ -78,31 +79,31 @@ fn start<'a, S: Subject>(
     permutation: &Permutation,
     cut_seed: u64,
 ) -> Result<Run<'a, S>, Fault> {
-    let unfit = |reason: String| Fault::new(FaultClass::NotApplicable, Micros::ZERO, &reason);
     let manifest = subject.manifest();
     let way = Way::new(permutation, cut_seed);
     let other = way.byte.map(|byte| case.with_trace(case.trace.with_byte(byte)));
     let case = other.as_ref().unwrap_or(case);
-    let timeline = |case: &Case, windows| {
-        Timeline::new(case, manifest, windows).map_err(|error| unfit(error.to_string()))
-    };
-    let own = timeline(case, way.windows)?.cut(&case.trace.front.id, way.cuts);
+    let mut own = conditions(case, manifest, way.windows, way.rooms)?;
+    own.timeline = own.timeline.cut(&case.trace.front.id, way.cuts);
     let before = match &way.before {
         Before::Nothing | Before::Clock(_) | Before::Idle(_) => None,
-        Before::Itself | Before::Again(_) => Some(own.clone()),
+        Before::Itself | Before::Again(_) => Some(own.timeline.clone()),
         Before::Case(id) => {
             let before = case.before.iter().find(|before| *before.trace.front.id == **id);
             let reason = || format!("{id} is not among the cases that may stand before it");
-            Some(timeline(before.ok_or_else(|| unfit(reason()))?, Windows::Early)?)
+            let before = before.ok_or_else(|| unfit(reason()))?;
+            Some(timeline(before, manifest, Windows::Early)?)
         }
     };
+    Run::new(subject, own, before, way)
+}
 
-    let front = &case.trace.front;
-    let config = case.config_for(manifest);
-    let settings = manifest.resolve_settings(config).map_err(|error| unfit(error.to_string()))?;
-    let options = options(case, settings, &way);
-    let depth = front.line.depth as usize;
-    Run::new(subject, Conditions { timeline: own, options, depth }, before, way)
+fn unfit(reason: impl Display) -> Fault {
+    Fault::new(FaultClass::NotApplicable, Micros::ZERO, &reason)
+}
+
+fn timeline(case: &Case, manifest: &Manifest, windows: Windows) -> Result<Timeline, Fault> {
+    Timeline::new(case, manifest, windows).map_err(unfit)
 }
 
 /// Runs a timeline that stands in no trace.
@@ -121,6 +122,7 @@ pub(crate) fn run<S: Subject>(
 }
 
 /// What a run is made of, beside the plug-in.
+#[derive(Clone)]
 pub(crate) struct Conditions {
     pub(crate) timeline: Timeline,
     pub(crate) options: LinkOptions,
@@ -128,17 +130,26 @@ pub(crate) struct Conditions {
     pub(crate) depth: usize,
 }
 
-fn options(case: &Case, settings: SettingValues, way: &Way) -> LinkOptions {
+/// What a case is run with.
+pub(crate) fn conditions(
+    case: &Case,
+    manifest: &Manifest,
+    windows: Windows,
+    rooms: Option<Rooms>,
+) -> Result<Conditions, Fault> {
+    let timeline = timeline(case, manifest, windows)?;
+    let settings = manifest.resolve_settings(case.config_for(manifest)).map_err(unfit)?;
     let front = &case.trace.front;
     let (known, on) = modem_lines(&front.modem);
-    let (transmit, delivery) = way.rooms.map(Rooms::sizes).unwrap_or_default();
-    LinkOptions {
+    let (transmit, delivery) = rooms.map(Rooms::sizes).unwrap_or_default();
+    let options = LinkOptions {
         line: line_parameters(&front.line),
         transmit_room: front.room.transmit.or(transmit).unwrap_or(ROOM),
         delivery_room: front.room.delivery.or(delivery).unwrap_or(ROOM),
         modem_lines: (known != ModemLines::default()).then_some((known, on)),
         settings,
-    }
+    };
+    Ok(Conditions { timeline, options, depth: front.line.depth as usize })
 }
 
 /// A run under way.
