@@ -8,6 +8,8 @@
 #ifdef XON_XOFF_CORE
 #define SP_SETTING_BYTES 8 /* no setting of the core is longer */
 #endif
+/* Each character may cost a look at all of an end mark and of a list: so many are done in time. */
+#define SP_INPUT_BYTES 512
 #include "../softplug.h"
 
 /* ---- settings, in the manifest's order: first those that every XON/XOFF needs ---- */
