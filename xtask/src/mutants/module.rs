@@ -12,6 +12,9 @@ const SAMPLE: &str = "60";
 const LONG_SAMPLE: &str = "300";
 const LONG_SESSIONS: &str = "2000";
 
+/// Crossed traces of each profile that show whether the rest can be told.
+const LONG_CROSSED: &str = "20000";
+
 /// Scores each plug-in whose name contains the filter, by the profiles that it claims.
 pub(crate) fn run(
     workspace: &Workspace,
@@ -47,7 +50,7 @@ fn write(workspace: &Workspace, filter: Option<&str>) -> Command {
     command.current_dir(workspace.root()).args(["run", "--release", "--quiet"]);
     command.args(["-p", super::PACKAGE, "--example", "scores", "--"]);
     command.arg(workspace.plugin_folder());
-    command.args(["fixtures/scores.toml", LONG_SAMPLE, LONG_SESSIONS]);
+    command.args(["fixtures/scores.toml", LONG_SAMPLE, LONG_SESSIONS, LONG_CROSSED]);
     command.arg(filter.unwrap_or_default());
     command
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 const GOOD: Small = Small::good("xon-xoff.a.good");
 
 fn few(threads: usize) -> ScoreOptions {
-    ScoreOptions { sample: Some(40), seed: 7, sessions: 0, permutations: 400, crossed: 0, threads }
+    ScoreOptions { sample: Some(40), seed: 7, sessions: 0, permutations: 400, crossed: 20, threads }
 }
 
 fn scored(module: &[u8], corpus: &Corpus, options: &ScoreOptions) -> Result<Score, ScoreError> {
@@ -26,6 +26,19 @@ fn changes_are_noticed_or_survive_or_stand_where_nothing_is_executed() {
     // One case executes little of the module.
     assert!(score.survived(Shown::NotExecuted) > 10, "{score:?}");
     assert_eq!(scored(&plugin(), &corpus, &few(1)).expect("as before"), score);
+}
+
+#[test]
+fn crossed_traces_tell_what_no_case_shows() {
+    let corpus = small(&[GOOD]);
+    let told = |crossed| {
+        let options = ScoreOptions { crossed, ..few(2) };
+        let score = scored(&plugin(), &corpus, &options).expect("it is conformant");
+        (score.noticed.all(), score.survived(Shown::NotExecuted), score.survived(Shown::Different))
+    };
+    let (without, with) = (told(0), told(100));
+    assert_eq!((without.0, without.1), (with.0, with.1), "what the runs notice stays");
+    assert!(without.2 < with.2, "{without:?} {with:?}");
 }
 
 #[test]
