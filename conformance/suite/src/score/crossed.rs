@@ -31,23 +31,25 @@ pub(super) struct Stock<'a> {
 }
 
 impl<'a> Stock<'a> {
+    /// None: there is nothing to cross.
     pub(super) fn new<'c>(
         profile: &'a str,
         cases: impl Iterator<Item = &'c Case>,
         manifest: &Manifest,
-    ) -> Self {
+    ) -> Option<Self> {
         let is_short = |conditions: &Conditions| {
             conditions.timeline.given.len() <= INPUTS && conditions.timeline.end <= SPAN
         };
         let traces = cases.filter(|case| !case.trace.is_recording());
         let traces =
             traces.filter_map(|case| conditions(case, manifest, Windows::Early, None).ok());
-        Self { profile, traces: traces.filter(is_short).collect() }
+        let traces: Vec<Conditions> = traces.filter(is_short).collect();
+        (!traces.is_empty()).then_some(Self { profile, traces })
     }
 
-    /// The crossed trace with this number. None: there is nothing to cross.
-    pub(super) fn crossed(&self, seed: u64, number: u64) -> Option<Conditions> {
-        let first = self.traces.get((number % self.traces.len().max(1) as u64) as usize)?;
+    /// The crossed trace with this number.
+    pub(super) fn crossed(&self, seed: u64, number: u64) -> Conditions {
+        let first = &self.traces[(number % self.traces.len() as u64) as usize];
         let mut crossing = Crossing::new(first.clone(), Dice::new(seed, self.profile, number));
         for _ in 0..=crossing.dice.below(2) {
             let other = crossing.dice.pick(&self.traces).clone();
@@ -56,7 +58,7 @@ impl<'a> Stock<'a> {
         for _ in 0..=crossing.dice.below(6) {
             crossing.edit();
         }
-        Some(crossing.end())
+        crossing.end()
     }
 }
 

@@ -44,7 +44,7 @@ impl<'a> Crossings<'a> {
             });
             Stock::new(profile, traces, watcher.manifest())
         };
-        let stocks: Vec<Stock<'a>> = profiles.into_iter().map(of_profile).collect();
+        let stocks: Vec<Stock<'a>> = profiles.into_iter().filter_map(of_profile).collect();
         let mut crossings = Self { stocks, seed: options.seed, runs: Vec::new() };
         crossings.runs = crossings.first_runs(watcher, options, stop)?;
         Some(crossings)
@@ -71,7 +71,7 @@ impl<'a> Crossings<'a> {
                             break;
                         }
                         let (stock, number) = (place / count, (place % count) as u64);
-                        let Some(effects) = self.effects(&watcher, stock, number) else { continue };
+                        let effects = self.effects(&watcher, stock, number);
                         let executed = watcher.take();
                         if let (Some(effects), Ok(mut all)) = (effects, all.lock()) {
                             all.push(Crossing { stock, number, executed, effects });
@@ -96,7 +96,7 @@ impl<'a> Crossings<'a> {
             if is_over() {
                 return Err(ScoreError::Stopped);
             }
-            let effects = self.effects(changed, crossing.stock, crossing.number).flatten();
+            let effects = self.effects(changed, crossing.stock, crossing.number);
             if effects != Some(crossing.effects) {
                 return Ok(true);
             }
@@ -104,15 +104,10 @@ impl<'a> Crossings<'a> {
         Ok(false)
     }
 
-    /// None: there is nothing to run. None within: it faults.
-    fn effects<S: Subject>(
-        &self,
-        subject: &S,
-        stock: usize,
-        number: u64,
-    ) -> Option<Option<Effects>> {
-        let crossed = self.stocks[stock].crossed(self.seed, number)?;
+    /// None: it faults.
+    fn effects<S: Subject>(&self, subject: &S, stock: usize, number: u64) -> Option<Effects> {
+        let crossed = self.stocks[stock].crossed(self.seed, number);
         let outcome = run(subject, crossed, &Permutation::Uncut);
-        Some(outcome.fault.is_none().then(|| Effects::of(&outcome.seen)))
+        outcome.fault.is_none().then(|| Effects::of(&outcome.seen))
     }
 }
