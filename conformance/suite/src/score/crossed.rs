@@ -16,17 +16,15 @@ const INPUTS: usize = 600;
 /// Longer traces are not crossed either, nor do crossed ones become longer.
 const SPAN: Micros = Micros::from_secs(1_800);
 
-/// Bytes that mean something in one protocol or another.
-const TELLING: &[u8] =
-    b"\x00\x01\x02\x03\x04\x05\x06\x0A\x0D\x10\x11\x12\x13\x14\x15\x16\x17\x18\x1A\x1B %#0:NORSY\x7F\x91\x93\xFF";
-
 /// Rooms in which something may end.
 const ROOMS: &[u32] =
     &[1, 2, 3, 4, 7, 8, 15, 16, 17, 20, 31, 32, 48, 63, 64, 65, 127, 128, 129, 256, 300];
 
 /// The traces of one profile that a plug-in can be given.
 pub(super) struct Stock<'a> {
-    pub(super) profile: &'a str,
+    profile: &'a str,
+    /// Bytes that mean something in its protocol, if there is a model that names them.
+    special: &'static [u8],
     traces: Vec<Conditions>,
 }
 
@@ -44,13 +42,19 @@ impl<'a> Stock<'a> {
         let traces =
             traces.filter_map(|case| conditions(case, manifest, Windows::Early, None).ok());
         let traces: Vec<Conditions> = traces.filter(is_short).collect();
-        (!traces.is_empty()).then_some(Self { profile, traces })
+        let special = softplug_models::profile(profile).map_or(&[][..], |model| model.special);
+        (!traces.is_empty()).then_some(Self { profile, special, traces })
     }
 
     /// The crossed trace with this number.
     pub(super) fn crossed(&self, seed: u64, number: u64) -> Conditions {
         let first = &self.traces[(number % self.traces.len() as u64) as usize];
-        let mut crossing = Crossing::new(first.clone(), Dice::new(seed, self.profile, number));
+        let mut crossing = Crossing {
+            jobs: last_job(&first.timeline),
+            made: first.clone(),
+            special: self.special,
+            dice: Dice::new(seed, self.profile, number),
+        };
         for _ in 0..=crossing.dice.below(2) {
             let other = crossing.dice.pick(&self.traces).clone();
             crossing.cross(other);
@@ -67,33 +71,23 @@ struct Crossing {
     made: Conditions,
     /// The jobs that it has had.
     jobs: u32,
+    special: &'static [u8],
     dice: Dice,
 }
 
 impl Crossing {
-    fn new(first: Conditions, dice: Dice) -> Self {
-        let jobs = last_job(&first.timeline);
-        Self { made: first, jobs, dice }
-    }
-
     /// Puts the inputs of another trace behind, among, or in the place of the last ones.
     fn cross(&mut self, other: Conditions) {
         let Conditions { timeline: Timeline { given, end }, options, .. } = other;
         let own = &mut self.made.timeline;
+        let place = self.dice.below(own.given.len() as u64 + 1) as usize;
+        let at_place = own.given.get(place).map_or(own.end, |given| given.at);
         let at = match self.dice.below(4) {
             0 => own.end + Micros(self.dice.between(0, 3_000_000)),
-            1 | 2 => self
-                .dice
-                .between(0, own.given.len() as i64)
-                .try_into()
-                .map_or(own.end, |place: usize| {
-                    own.given.get(place).map_or(own.end, |given| given.at)
-                }),
+            1 | 2 => at_place,
             _ => {
-                let kept = self.dice.below(own.given.len() as u64 + 1) as usize;
-                let at = own.given.get(kept).map_or(own.end, |given| given.at);
-                own.given.truncate(kept);
-                at
+                own.given.truncate(place);
+                at_place
             }
         };
         // From the beginning, or from where it does something else already.
@@ -217,7 +211,7 @@ impl Crossing {
 
     /// Of the nearest input from there that has bytes.
     fn change_byte(&mut self, place: usize) {
-        let with = if self.dice.one_in(2) { *self.dice.pick(TELLING) } else { self.dice.byte() };
+        let with = self.byte();
         let mut rest = self.made.timeline.given[place..].iter_mut();
         let Some(what) = rest.find_map(|given| match &mut given.what {
             what @ (Input::Bytes(_) | Input::Character(_)) => Some(what),
@@ -251,7 +245,7 @@ impl Crossing {
 
     /// Of the nearest job from there.
     fn change_data(&mut self, place: usize) {
-        let with = if self.dice.one_in(2) { *self.dice.pick(TELLING) } else { self.dice.byte() };
+        let with = self.byte();
         let mut rest = self.made.timeline.given[place..].iter_mut();
         let Some((job, data)) = rest.find_map(|given| match &mut given.what {
             Input::Host(Asked::Job(job, data)) => Some((job, data)),
@@ -267,8 +261,16 @@ impl Crossing {
         job.size = job.size.map(|_| data.len() as u64);
     }
 
+    fn byte(&mut self) -> u8 {
+        if self.special.is_empty() || self.dice.one_in(2) {
+            self.dice.byte()
+        } else {
+            *self.dice.pick(self.special)
+        }
+    }
+
     fn port(&mut self) -> Input {
-        let byte = Some(*self.dice.pick(TELLING));
+        let byte = Some(self.byte());
         let (kind, byte) = match self.dice.below(5) {
             0 => (LineErrorKind::Parity, byte),
             1 => (LineErrorKind::Framing, byte),
@@ -344,7 +346,7 @@ fn changed(dice: &mut Dice, bytes: &mut Vec<u8>, with: u8) {
     }
 }
 
-/// The id that no later job of the timeline has.
+/// The greatest id of the timeline's jobs; 0: it has none.
 fn last_job(timeline: &Timeline) -> u32 {
     let ids = timeline.given.iter().filter_map(|given| match &given.what {
         Input::Host(Asked::Job(job, _)) => Some(job.id.0),
