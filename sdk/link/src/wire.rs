@@ -4,6 +4,9 @@ use alloc::collections::VecDeque;
 use core::hash::{Hash, Hasher};
 use softplug_abi::{LineParameters, Micros};
 
+/// Deeper ports take memory as they fill.
+const USUAL_DEPTH: usize = 4_096;
+
 /// Characters that the port was given and that have not left yet. They leave
 /// back to back: the nth of a run ends `n` character times after the run's
 /// start, rounded up to a whole µs.
@@ -41,7 +44,7 @@ impl Wire {
             run_start: Micros::ZERO,
             run_length: 0,
             free_at: Micros::ZERO,
-            ends: VecDeque::with_capacity(depth),
+            ends: VecDeque::with_capacity(depth.min(USUAL_DEPTH)),
             left: 0,
         }
     }

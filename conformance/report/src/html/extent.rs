@@ -71,6 +71,9 @@ fn beside(counts: &Counts) -> impl Iterator<Item = (&'static str, String)> {
 
 fn noticed(score: &Score) -> String {
     let all = score.told();
+    if all == 0 {
+        return format!("None that was tried shows outside, drawn by the seed {}", score.seed);
+    }
     let share = score.share();
     format!(
         "{}.{} % of {all} that show outside, drawn by the seed {}",

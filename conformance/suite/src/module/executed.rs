@@ -3,7 +3,7 @@
 use super::flow::{BranchKind, End, Flow, Way};
 use super::instrument::{Layout, bits_of, instrumented};
 use super::source::Source;
-use crate::run::subject::{Subject, SubjectError};
+use crate::run::subject::{Fuel, Sandboxed, Subject, SubjectError};
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Event, Instance, Micros, Output};
@@ -376,6 +376,10 @@ impl Subject for Watcher {
 
     fn label(&self) -> &str {
         &self.plugin.manifest().name
+    }
+
+    fn fuel(instance: &WatchedSession) -> Fuel {
+        Sandboxed::fuel(&instance.session)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Which permutations a case is run in.
 
 use super::permute::{Clock, Permutation, Rooms};
+use super::replay::REST;
 use crate::given::case::Case;
 use crate::given::timeline::{Timeline, TimelineError, Windows, windows};
 use rand_chacha::ChaCha8Rng;
@@ -50,7 +51,7 @@ pub(crate) fn permutations(
     all.extend(pairs);
     // Beside nothing else: it takes long.
     if case.trace.front.permute.after && !speaks_first {
-        all.extend(case.long.map(Permutation::Again));
+        all.extend(case.long.map(|count| again(count, &timeline)));
     }
     all.extend(case.trace.front.bytes.iter().flat_map(ByteClass::others).map(Permutation::Byte));
     Ok(all)
@@ -91,10 +92,16 @@ fn starts(case: &Case, timeline: &Timeline, speaks_first: bool) -> Vec<Permutati
         all.extend(before.map(|id| Permutation::After(id.into())));
         if case.leaves_nothing() {
             let inputs = (timeline.given.len() as u32).max(1);
-            all.push(Permutation::Again(AGAIN.min(AGAIN_INPUTS.div_ceil(inputs))));
+            all.push(again(AGAIN.min(AGAIN_INPUTS.div_ceil(inputs)), timeline));
         }
     }
     all
+}
+
+/// So often behind itself, or as often as a quarter of the clock has room for.
+fn again(count: u32, timeline: &Timeline) -> Permutation {
+    let most = (i64::MAX / 4) / (timeline.end + REST).0;
+    Permutation::Again(count.min(u32::try_from(most).unwrap_or(u32::MAX)))
 }
 
 fn rooms(case: &Case) -> Vec<Permutation> {

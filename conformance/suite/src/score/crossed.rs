@@ -16,6 +16,9 @@ const INPUTS: usize = 600;
 /// Longer traces are not crossed either, nor do crossed ones become longer.
 const SPAN: Micros = Micros::from_secs(1_800);
 
+/// What waits at the end has so long, but no longer than all before it.
+const TAIL: Micros = Micros::from_secs(20);
+
 /// Rooms in which something may end.
 const ROOMS: &[u32] =
     &[1, 2, 3, 4, 7, 8, 15, 16, 17, 20, 31, 32, 48, 63, 64, 65, 127, 128, 129, 256, 300];
@@ -178,7 +181,7 @@ impl Crossing {
         let Some(Given { what, .. }) = self.made.timeline.given.get(place).cloned() else { return };
         let what = match what {
             Input::Host(Asked::Job(mut job, data)) => {
-                self.jobs += 1;
+                self.jobs = self.jobs.wrapping_add(1).max(1);
                 job.id = JobId(self.jobs);
                 Input::Host(Asked::Job(job, data))
             }
@@ -286,7 +289,7 @@ impl Crossing {
     }
 
     fn host(&mut self) -> Input {
-        let job = 1 + self.dice.below(u64::from(self.jobs.max(1))) as u32;
+        let job = 1 + self.dice.below(u64::from(self.jobs)) as u32;
         Input::Host(match self.dice.below(12) {
             0 | 1 => Asked::Pause(job),
             2 => Asked::Resume(job),
@@ -317,7 +320,7 @@ impl Crossing {
         only_sound(&mut own.given);
         let auto = Input::Host(Asked::Drain(Drain::Auto));
         own.given.push(Given { at: end, what: auto });
-        own.end = end + Micros::from_secs(20);
+        own.end = end + end.min(TAIL);
         made
     }
 }
@@ -357,7 +360,7 @@ fn last_job(timeline: &Timeline) -> u32 {
 
 /// Behind so many other jobs.
 fn of_later_job(what: Input, jobs: u32) -> Input {
-    let later = |job: u32| if job == 0 { 0 } else { job.saturating_add(jobs) };
+    let later = |job: u32| if job == 0 { 0 } else { job.wrapping_add(jobs).max(1) };
     match what {
         Input::Host(asked) => Input::Host(match asked {
             Asked::Job(mut job, data) => {

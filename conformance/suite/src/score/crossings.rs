@@ -2,16 +2,24 @@
 
 use super::crossed::Stock;
 use super::effects::Effects;
-use super::hunt::{ScoreError, ScoreOptions};
+use super::options::{ScoreError, ScoreOptions};
 use crate::corpus::{Listed, Source};
 use crate::module::executed::{Executed, Watcher};
+use crate::run::outcome::Outcome;
 use crate::run::permute::Permutation;
 use crate::run::replay::run;
 use crate::run::subject::{Sandboxed, Subject};
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
+
+/// Runs between two looks at how much fuel they took.
+const BATCH: u64 = 32;
+
+/// What a run may take in the mean.
+const FUEL: u64 = 20_000_000;
 
 /// Runs of crossed traces, with what the module as it is showed in each.
 pub(super) struct Crossings<'a> {
@@ -50,39 +58,69 @@ impl<'a> Crossings<'a> {
         Some(crossings)
     }
 
-    /// What faults of the module as it is says nothing of a change.
+    /// Where the module as it is faults, nothing is said of a change. A plug-in that computes very
+    /// much is crossed less often: how often depends on its fuel, not on the computer.
     fn first_runs(
         &self,
         watcher: &Watcher,
         options: &ScoreOptions,
         stop: &AtomicBool,
     ) -> Option<Vec<Crossing>> {
-        let count = options.crossed as usize;
-        let next = AtomicUsize::new(0);
+        let count = u64::from(options.crossed);
+        let mut all = Vec::new();
+        for stock in 0..self.stocks.len() {
+            let (mut next, mut fuel) = (0, 0);
+            while next < count && fuel < count.saturating_mul(FUEL) {
+                let batch = next..count.min(next + BATCH);
+                next = batch.end;
+                for (crossing, used) in self.batch(watcher, stock, batch, options.threads, stop)? {
+                    fuel = used.saturating_add(fuel);
+                    all.extend(crossing);
+                }
+            }
+        }
+        Some(all)
+    }
+
+    /// Runs some of a stock, with the fuel of each. None: it was stopped.
+    fn batch(
+        &self,
+        watcher: &Watcher,
+        stock: usize,
+        numbers: Range<u64>,
+        threads: usize,
+        stop: &AtomicBool,
+    ) -> Option<Vec<(Option<Crossing>, u64)>> {
+        let next = AtomicU64::new(numbers.start);
         let all = Mutex::new(Vec::new());
         let is_over = || stop.load(Ordering::Relaxed);
         thread::scope(|scope| {
-            for _ in 0..options.threads.max(1) {
+            for _ in 0..threads.max(1) {
                 scope.spawn(|| {
                     let watcher = watcher.another();
                     while !is_over() {
-                        let place = next.fetch_add(1, Ordering::Relaxed);
-                        if place >= count * self.stocks.len() {
+                        let number = next.fetch_add(1, Ordering::Relaxed);
+                        if !numbers.contains(&number) {
                             break;
                         }
-                        let (stock, number) = (place / count, (place % count) as u64);
-                        let effects = self.effects(&watcher, stock, number);
+                        let outcome = self.run(&watcher, stock, number);
                         let executed = watcher.take();
-                        if let (Some(effects), Ok(mut all)) = (effects, all.lock()) {
-                            all.push(Crossing { stock, number, executed, effects });
+                        let crossing = effects(&outcome).map(|effects| Crossing {
+                            stock,
+                            number,
+                            executed,
+                            effects,
+                        });
+                        if let Ok(mut all) = all.lock() {
+                            all.push((number, (crossing, outcome.fuel.total)));
                         }
                     }
                 });
             }
         });
         let mut all = all.into_inner().ok().filter(|_| !is_over())?;
-        all.sort_unstable_by_key(|crossing| (crossing.stock, crossing.number));
-        Some(all)
+        all.sort_unstable_by_key(|(number, _)| *number);
+        Some(all.into_iter().map(|(_, ran)| ran).collect())
     }
 
     /// Whether a changed module shows something else in any run that reaches the change.
@@ -96,18 +134,21 @@ impl<'a> Crossings<'a> {
             if is_over() {
                 return Err(ScoreError::Stopped);
             }
-            let effects = self.effects(changed, crossing.stock, crossing.number);
-            if effects != Some(crossing.effects) {
+            let outcome = self.run(changed, crossing.stock, crossing.number);
+            if effects(&outcome) != Some(crossing.effects) {
                 return Ok(true);
             }
         }
         Ok(false)
     }
 
-    /// None: it faults.
-    fn effects<S: Subject>(&self, subject: &S, stock: usize, number: u64) -> Option<Effects> {
+    fn run<S: Subject>(&self, subject: &S, stock: usize, number: u64) -> Outcome {
         let crossed = self.stocks[stock].crossed(self.seed, number);
-        let outcome = run(subject, crossed, &Permutation::Uncut);
-        outcome.fault.is_none().then(|| Effects::of(&outcome.seen))
+        run(subject, crossed, &Permutation::Uncut)
     }
+}
+
+/// None: it faults.
+fn effects(outcome: &Outcome) -> Option<Effects> {
+    outcome.fault.is_none().then(|| Effects::of(&outcome.seen))
 }

@@ -5,5 +5,7 @@ mod crossed;
 mod crossings;
 mod effects;
 mod hunt;
+mod options;
 
-pub use hunt::{ScoreError, ScoreOptions, score};
+pub use hunt::score;
+pub use options::{ScoreError, ScoreOptions};

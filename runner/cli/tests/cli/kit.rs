@@ -102,8 +102,14 @@ fn begins_like(kind: &str) {
         assert_eq!(ran.code, 0, "{ran}");
     }
     match kind {
-        "line" => answers_behind(&bench, &name, "tx.lines", "\"x\\n\""),
-        "block" => answers_behind(&bench, &name, "tx.blocks", "02 01 78 78"),
+        "line" => {
+            answers_behind(&bench, &name, "tx.lines", "\"x\\n\"");
+            outlives_a_burst(&bench, &name, "rx.line", "\"x\\n\"");
+        }
+        "block" => {
+            answers_behind(&bench, &name, "tx.blocks", "02 01 78 78");
+            outlives_a_burst(&bench, &name, "rx.blocks", "02 01 78 78");
+        }
         _ => {}
     }
 }
@@ -129,6 +135,19 @@ fn answers_behind(bench: &Bench, name: &str, clause: &str, received: &str) {
     let all = self::blessed(bench, name, &trace);
     let sent: Vec<_> = all.lines().filter(|line| line.starts_with('>')).collect();
     assert_eq!(sent.join(" ").matches(" 06").count(), 40, "{all}");
+}
+
+/// Far more of them in one read than can be answered end nothing.
+fn outlives_a_burst(bench: &Bench, name: &str, clause: &str, received: &str) {
+    let many = vec![received; 300].join(" ");
+    let trace = format!(
+        "id: {name}.rx.burst\ntitle: A burst\nprofile: {name}\nclauses: {name}.{clause}\nlevel: must\n\
+         line: 9600 8N1 depth=1 reaction=0\nsince: 1\norigin: hand-written\n---\n< 0.020000 {many}\n\
+         < 9.000000 {received}\n. 10.000000\n"
+    );
+    let all = blessed(bench, name, &trace);
+    assert!(all.lines().any(|line| line.starts_with("= 9.0")), "{all}");
+    in_folder(bench, name, &["replay", name, "own.spt"]).with_code(0);
 }
 
 /// A trace of the project's own, with what the plug-in does.
@@ -334,7 +353,9 @@ mod needs_clang {
 
     #[test]
     fn a_project_in_c_is_conformant() {
-        is_conformant(&project("kit-c", "c"), "kit-c");
+        let bench = project("kit-c", "c");
+        is_conformant(&bench, "kit-c");
+        outlives_a_burst(&bench, "kit-c", "rx.line", "\"x\\n\"");
     }
 
     #[test]

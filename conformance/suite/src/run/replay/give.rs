@@ -1,7 +1,7 @@
 //! What a plug-in is given: by the line, and by the host.
 
 use super::Run;
-use super::numbers::request_of_link;
+use super::numbers::{job_of_link, request_of_link};
 use crate::given::timeline::{Asked, Input};
 use crate::run::fault::Fault;
 use crate::run::subject::Subject;
@@ -39,7 +39,7 @@ impl<S: Subject> Run<'_, S> {
 
     pub(super) fn ask(&mut self, now: Micros, asked: &Asked) -> Result<(), Fault> {
         let base = self.job_base;
-        let of_link = |job: u32| if job == 0 { 0 } else { base + job };
+        let of_link = |job: u32| job_of_link(base, job);
         let is_dripping = self.drips();
         let Self { line: VirtualLine { link, .. }, recorder, .. } = self;
         let stepped = match asked {

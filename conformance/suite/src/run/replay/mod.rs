@@ -29,7 +29,7 @@ const ROOM: u32 = 4_096;
 const SIP: Option<NonZeroUsize> = NonZeroUsize::new(7);
 
 /// Between two cases on one link.
-const REST: Micros = Micros::from_secs(1);
+pub(crate) const REST: Micros = Micros::from_secs(1);
 
 /// More than the ids of jobs in a trace.
 const JOBS: u32 = 10_000;
@@ -455,7 +455,7 @@ impl<'a, S: Subject> Run<'a, S> {
         self.instant(now, &[], &[])?;
         self.offset = now + REST;
         self.wait_until(self.offset)?;
-        self.job_base = (self.job_base + JOBS).max(SECOND_ROUND);
+        self.job_base = self.job_base.saturating_add(JOBS).max(SECOND_ROUND);
         self.first = self.recorder.observed.len();
         Ok(())
     }

@@ -22,7 +22,7 @@ impl Numbers {
         match &mut seen.what {
             Observed::Done { job, .. }
             | Observed::Failed { job, .. }
-            | Observed::Checked { job, .. } => job.0 = job.0.saturating_sub(self.job_base),
+            | Observed::Checked { job, .. } => job.0 = job_of_case(self.job_base, job.0),
             Observed::Request { request, .. } | Observed::Withdraw(request) => {
                 request.0 = number(&mut self.requests, request.0);
             }
@@ -33,6 +33,23 @@ impl Numbers {
         }
         seen
     }
+}
+
+/// The link's id for the job that a trace calls by this one: so many behind it, in a ring
+/// without 0, which is no job.
+pub(super) fn job_of_link(base: u32, job: u32) -> u32 {
+    if job == 0 { 0 } else { 1 + ring(u64::from(job - 1) + u64::from(base)) }
+}
+
+/// The other way around.
+fn job_of_case(base: u32, job: u32) -> u32 {
+    let ids = u64::from(u32::MAX);
+    if job == 0 { 0 } else { 1 + ring(u64::from(job - 1) + ids - u64::from(base) % ids) }
+}
+
+/// There are so many ids besides 0.
+fn ring(place: u64) -> u32 {
+    (place % u64::from(u32::MAX)) as u32
 }
 
 /// The place of an id among those that were seen, from 1.
@@ -53,4 +70,21 @@ pub(super) fn request_of_link(observed: &[(Micros, Observed)], asked: u32) -> u3
         }
     }
     requests.get((asked as usize).saturating_sub(1)).copied().unwrap_or(u32::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_ids_come_behind_others_too() {
+        for base in [0, 1, 10_000, (1 << 24) - 1, 660_000_000, u32::MAX - 1, u32::MAX] {
+            for job in [1, 2, 9_999, 1 << 31, u32::MAX - 1, u32::MAX] {
+                let on_link = job_of_link(base, job);
+                assert_ne!(on_link, 0, "{base} {job}");
+                assert_eq!(job_of_case(base, on_link), job, "{base}");
+            }
+        }
+        assert_eq!((job_of_link(0, 7), job_of_link(10_000, 7), job_of_link(5, 0)), (7, 10_007, 0));
+    }
 }

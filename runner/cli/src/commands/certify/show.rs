@@ -153,15 +153,21 @@ fn text_of(score: &Score) -> String {
     let by = by.iter().filter(|(many, _)| *many > 0);
     let by: Vec<_> =
         by.map(|(many, what)| format!("{} by {what}", count((*many).into()))).collect();
+    let same = count(score.survived(Shown::Same));
+    let not_executed = count(score.survived(Shown::NotExecuted));
+    if score.told() == 0 {
+        return format!(
+            "none: no change of the module that was tried shows outside; {same} do in every run what \
+             the module does, {not_executed} stand where nothing is executed"
+        );
+    }
+    let by = if by.is_empty() { String::new() } else { format!(": {}", by.join(", ")) };
     format!(
-        "{}.{} % of {} changes of the module that show outside are noticed: {}; {} are not; {} more do in \
-         every run what the module does, {} stand where nothing is executed",
+        "{}.{} % of {} changes of the module that show outside are noticed{by}; {} are not; {same} more do in \
+         every run what the module does, {not_executed} stand where nothing is executed",
         score.share() / 10,
         score.share() % 10,
         count(score.told()),
-        by.join(", "),
         count(score.survived(Shown::Different)),
-        count(score.survived(Shown::Same)),
-        count(score.survived(Shown::NotExecuted)),
     )
 }

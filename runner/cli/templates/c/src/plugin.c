@@ -52,6 +52,7 @@ static struct {
     bool has_ended;  /* the host has no more data */
     bool is_paused;
     bool is_bad;        /* a character of the line is damaged, or it is too long */
+    bool has_told;      /* that a line went without an answer */
     uint8_t text[LINE]; /* the line that is on its way, and data behind it */
     uint8_t line[LINE]; /* the line that comes */
 } s;
@@ -210,7 +211,9 @@ static void forget_line(void) {
 /* The line is whole: takes it if it is good and there is room. */
 static void line_ended(void) {
     if (s.waiting == ANSWERS) {
-        sp_note(SP_NOTE_WARNING, 0, "the other side does not wait for answers");
+        if (!s.has_told)
+            sp_note(SP_NOTE_WARNING, 0, "the other side does not wait for answers");
+        s.has_told = true; /* one note is enough, and many would not fit */
         return;
     }
     bool is_taken = !s.is_bad && s.line_length <= sp_link.delivery_room;
@@ -306,8 +309,10 @@ static int32_t plugin_event(int32_t kind, const uint8_t *payload, uint32_t lengt
     case SP_EVENT_MARK:
         if (sp_u32(payload) == s.mark)
             line_left(payload[4]);
-        else if (sp_u32(payload) == ANSWER && payload[4] == SP_MARK_SURELY_LEFT)
+        else if (sp_u32(payload) == ANSWER && payload[4] == SP_MARK_SURELY_LEFT) {
             s.waiting -= 1;
+            s.has_told = false;
+        }
         break;
     case SP_EVENT_TRANSMIT_ROOM:
         go_on();
