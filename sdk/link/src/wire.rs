@@ -127,3 +127,15 @@ impl Wire {
         self.run_start + self.line.characters(characters)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_of_any_depth_takes_the_memory_that_it_fills() {
+        let mut wire = Wire::new(LineParameters::new(9_600), usize::MAX);
+        wire.give(Micros::ZERO);
+        assert_eq!(wire.space(), usize::MAX - 1);
+    }
+}

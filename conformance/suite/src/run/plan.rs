@@ -133,6 +133,7 @@ fn pairs(axes: &[Vec<Permutation>; 4], id: &str) -> Vec<Permutation> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use softplug_abi::Micros;
 
     fn case(permute: &str) -> Case {
         let text = format!(
@@ -140,6 +141,16 @@ mod tests {
              line: 9600 8N1 depth=1 reaction=0\nsince: 1\norigin: hand-written\n{permute}---\n. 1.0\n"
         );
         Case::new("x.a.spt", softplug_trace::Trace::parse(&text).unwrap())
+    }
+
+    #[test]
+    fn no_case_stands_behind_itself_until_the_clock_has_ended() {
+        let rounds = |secs| {
+            let timeline = Timeline { given: Vec::new(), end: Micros::from_secs(secs) };
+            again(66_000, &timeline)
+        };
+        assert_eq!(rounds(86_400), Permutation::Again(66_000));
+        assert_eq!(rounds(999_999_999), Permutation::Again(2_305));
     }
 
     #[test]
