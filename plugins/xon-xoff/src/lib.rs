@@ -5,6 +5,7 @@
 #![cfg_attr(target_arch = "wasm32", no_std)]
 #![allow(clippy::inline_always, reason = "calls are most of what an event costs in the sandbox")]
 
+mod byte_set;
 mod codes;
 mod lines;
 mod receiver;

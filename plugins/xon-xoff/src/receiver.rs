@@ -1,5 +1,6 @@
 //! The receiver: delivers what comes and stops the partner in time.
 
+use crate::byte_set::ByteSet;
 use crate::codes::Codes;
 use crate::lines::{Lines, Piece};
 use crate::state::Name;
@@ -63,6 +64,9 @@ pub(crate) struct Receiver {
     /// What comes is delivered as it is, but for control bytes.
     #[state(skip)]
     plain: bool,
+    /// Bytes that are not delivered.
+    #[state(skip)]
+    drops: ByteSet,
     /// Of so many bytes of the end mark: its [`longest_border`]. Found once, since each
     /// character may ask for all of them.
     #[state(skip)]
@@ -91,6 +95,7 @@ impl Receiver {
             && settings.receive_line_end == LineEnd::Keep
             && settings.receive_drop.as_slice().is_empty()
             && settings.end_mark.as_slice().is_empty();
+        self.drops = ByteSet::of(settings.receive_drop.as_slice());
         let mark = settings.end_mark.as_slice();
         for (seen, border) in self.borders.iter_mut().enumerate().take(mark.len()) {
             *border = longest_border(mark, seen) as u8;
@@ -124,7 +129,7 @@ impl Receiver {
             byte
         };
         self.look_for_end(settings, byte);
-        if settings.receive_drop.contains(byte) {
+        if self.drops.has(byte) {
             return;
         }
         let bytes: &[u8] = match self.lines.map(settings.receive_line_end, byte) {

@@ -1,5 +1,6 @@
 //! The sender: feeds a program and obeys the partner.
 
+use crate::byte_set::ByteSet;
 use crate::codes::Codes;
 use crate::lines::{Lines, Piece};
 use crate::state::Name;
@@ -67,6 +68,9 @@ pub(crate) struct Sender {
     /// Bytes of a program are sent as they are, but for control bytes.
     #[state(skip)]
     plain: bool,
+    /// Bytes of a program that are not sent.
+    #[state(skip)]
+    drops: ByteSet,
 }
 
 impl Sender {
@@ -74,6 +78,7 @@ impl Sender {
         self.plain = settings.send_line_end == LineEnd::Keep
             && settings.send_drop.as_slice().is_empty()
             && !settings.transparent;
+        self.drops = ByteSet::of(settings.send_drop.as_slice());
     }
 
     pub(crate) fn is_sending(&self) -> bool {
@@ -277,7 +282,7 @@ impl Sender {
     fn check(&mut self, link: &mut Context<'_>, settings: &Settings, codes: &Codes, bytes: &[u8]) {
         for byte in bytes {
             self.column += 1;
-            if is_refused(settings, codes, *byte) {
+            if self.is_refused(settings, codes, *byte) {
                 let failure = Failure::UnsupportedCharacter;
                 link.check_failed(self.job, failure, self.line, self.column);
                 self.finish(link);
@@ -296,11 +301,11 @@ impl Sender {
             return;
         }
         for byte in bytes {
-            if is_refused(settings, codes, *byte) {
+            if self.is_refused(settings, codes, *byte) {
                 self.stop(link, Failure::UnsupportedCharacter);
                 return;
             }
-            if is_dropped(settings, codes, *byte) {
+            if self.is_dropped(settings, codes, *byte) {
                 continue;
             }
             match self.lines.map(settings.send_line_end, *byte) {
@@ -309,6 +314,19 @@ impl Sender {
                 Piece::End(end) => self.queue_data(link, settings, codes, end),
             }
         }
+    }
+
+    fn is_dropped(&self, settings: &Settings, codes: &Codes, byte: u8) -> bool {
+        let is_control = !settings.transparent && codes.control(byte).is_some();
+        let is_listed = self.drops.has(byte);
+        is_listed || (is_control && settings.control_in_data == ControlInData::Drop)
+    }
+
+    fn is_refused(&self, settings: &Settings, codes: &Codes, byte: u8) -> bool {
+        settings.control_in_data == ControlInData::Refuse
+            && !settings.transparent
+            && codes.control(byte).is_some()
+            && !self.drops.has(byte)
     }
 
     fn queue_data(
@@ -421,17 +439,4 @@ fn growth(settings: &Settings) -> u32 {
         LineEnd::LfCrCr => 3,
     };
     if settings.transparent { 2 * line_end } else { line_end }
-}
-
-fn is_dropped(settings: &Settings, codes: &Codes, byte: u8) -> bool {
-    let is_control = !settings.transparent && codes.control(byte).is_some();
-    let is_listed = settings.send_drop.contains(byte);
-    is_listed || (is_control && settings.control_in_data == ControlInData::Drop)
-}
-
-fn is_refused(settings: &Settings, codes: &Codes, byte: u8) -> bool {
-    settings.control_in_data == ControlInData::Refuse
-        && !settings.transparent
-        && codes.control(byte).is_some()
-        && !settings.send_drop.contains(byte)
 }
