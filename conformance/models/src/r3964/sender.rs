@@ -32,13 +32,13 @@ impl Station {
         if blocks.is_empty() {
             blocks.push(Vec::new());
         }
-        let (is_too_long, unfit) = (blocks.len() > 1, self.unfit(&blocks[0]));
+        let is_too_long = blocks.len() > 1;
         self.job = Some(Job {
             id,
             blocks,
             is_split: false,
             why: Rule::SetUp,
-            has_begun: false,
+            is_looked_through: false,
             gave_way: false,
             is_paused: false,
             setups: 0,
@@ -46,8 +46,6 @@ impl Station {
         });
         if is_too_long && !self.parameters.split {
             self.fail_job((Failure::TooLong, 0x0517, Rule::TooLongJob));
-        } else if let Some(rule) = unfit {
-            self.fail_job((Failure::UnsupportedCharacter, 0, rule));
         } else {
             self.begin_job();
         }
@@ -80,15 +78,14 @@ impl Station {
 
     /// Begins the next block of the job, if there is one that may.
     pub(super) fn begin_job(&mut self) {
-        let next = self.job.as_ref().and_then(|job| job.blocks.first());
-        let unfit = next.and_then(|data| self.unfit(data));
-        let Some(job) = &mut self.job else { return };
-        if let Some(rule) = unfit
-            && !job.has_begun
-        {
-            // As soon as the data are there.
+        // Once, as soon as the data are there.
+        let next = self.job.as_ref().filter(|job| !job.is_looked_through);
+        let next = next.and_then(|job| job.blocks.first());
+        if let Some(rule) = next.and_then(|data| self.unfit(data)) {
             return self.fail_job((Failure::UnsupportedCharacter, 0, rule));
         }
+        let Some(job) = &mut self.job else { return };
+        job.is_looked_through = true;
         if self.state != State::Idle || self.quiet != Quiet::No || (job.is_paused && !job.gave_way)
         {
             return;
@@ -98,7 +95,6 @@ impl Station {
             (false, true) => Rule::Split,
             (false, false) => Rule::SetUp,
         };
-        job.has_begun = true;
         self.begun_again |= std::mem::take(&mut job.gave_way);
         (job.setups, job.failures) = (0, 0);
         self.set_up();
@@ -200,7 +196,7 @@ impl Station {
         let sent = self.out.taken();
         let Some(job) = &mut self.job else { return };
         job.blocks.remove(0);
-        job.has_begun = false;
+        job.is_looked_through = false;
         job.is_split = true;
         if job.blocks.is_empty() {
             let effect = Effect::Done { job: job.id, sent };

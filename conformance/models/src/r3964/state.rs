@@ -90,8 +90,8 @@ pub(super) struct Job {
     pub(super) is_split: bool,
     /// Why the next STX is sent.
     pub(super) why: Rule,
-    /// The first of them has begun.
-    pub(super) has_begun: bool,
+    /// The first of them was searched for what cannot be sent.
+    pub(super) is_looked_through: bool,
     /// It gave way in a conflict and begins again.
     pub(super) gave_way: bool,
     pub(super) is_paused: bool,

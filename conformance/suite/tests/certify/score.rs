@@ -32,7 +32,7 @@ fn changes_are_noticed_or_survive_or_stand_where_nothing_is_executed() {
 fn crossed_traces_tell_what_no_case_shows() {
     let corpus = small(&[GOOD]);
     let told = |crossed| {
-        let options = ScoreOptions { crossed, ..few(2) };
+        let options = ScoreOptions { sample: Some(120), crossed, ..few(2) };
         let score = scored(&plugin(), &corpus, &options).expect("it is conformant");
         (score.noticed.all(), score.survived(Shown::NotExecuted), score.survived(Shown::Different))
     };
