@@ -9,6 +9,8 @@ use crate::given::case::Case;
 use crate::judge::divergence::Divergence;
 use crate::judge::run::{Judge, Start, assess, pure};
 use crate::judge::verdict::Failure;
+use crate::module::covered::Covered;
+use crate::module::executed::{Executed, Watcher};
 use crate::random::{FailedSession, SessionGroup};
 use crate::run::class::Class;
 use crate::run::outcome::Outcome;
@@ -39,15 +41,18 @@ pub(super) struct Ran {
     pub(super) pure: String,
 }
 
-/// One for each case of the plan; none for those that did not run to their end.
+/// One for each case of the plan; none for those that did not run to their end. What all of
+/// them executed is added, where somebody watches it.
 pub(super) fn run(
     plan: &Plan<'_>,
     loaded: &Loaded<'_>,
     subjects: &Subjects,
+    watched: Option<(&Watcher, &mut Executed)>,
     options: &CertifyOptions,
     progress: &(dyn Fn(Progress) + Sync),
     stop: &AtomicBool,
 ) -> Result<Vec<Option<Ran>>, CertifyError> {
+    let (watcher, executed) = watched.unzip();
     let mut queue: Vec<usize> =
         (0..plan.cases.len()).filter(|number| plan.cases[*number].fate == Fate::Runs).collect();
     if let Some(seed) = options.shuffle {
@@ -67,10 +72,17 @@ pub(super) fn run(
         queue,
     };
     let threads = options.threads.clamp(1, shared.queue.len().max(1));
+    let covered = || Covered::new(&subjects.first, watcher.map(Watcher::another));
+    let all_covered: Vec<Covered> = (0..threads).map(|_| covered()).collect();
     let finished = thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| shared.work())).collect();
+        let shared = &shared;
+        let work = |covered| scope.spawn(move || shared.work(covered));
+        let workers: Vec<_> = all_covered.iter().map(work).collect();
         workers.into_iter().map(thread::ScopedJoinHandle::join).collect::<Vec<_>>()
     });
+    if let Some(executed) = executed {
+        all_covered.iter().for_each(|covered| executed.add(&covered.take()));
+    }
     let mut all: Vec<Option<Ran>> = plan.cases.iter().map(|_| None).collect();
     let mut errors = Vec::new();
     for worker in finished {
@@ -117,13 +129,13 @@ struct Shared<'a> {
 type Finished = Vec<(usize, Result<Option<Ran>, CertifyError>)>;
 
 impl Shared<'_> {
-    fn work(&self) -> Finished {
+    fn work(&self, first: &Covered) -> Finished {
         let mut finished = Vec::new();
         while !self.is_over() {
             let Some(number) = self.queue.get(self.next.fetch_add(1, Ordering::Relaxed)) else {
                 break;
             };
-            let result = self.case(&self.plan.cases[*number].case);
+            let result = self.case(first, &self.plan.cases[*number].case);
             match &result {
                 Ok(Some(ran)) => self.tell(ran),
                 Ok(None) => {}
@@ -146,16 +158,21 @@ impl Shared<'_> {
     }
 
     /// None: it was stopped.
-    fn case(&self, listed: &Listed<'_>) -> Result<Option<Ran>, CertifyError> {
+    fn case(&self, first: &Covered, listed: &Listed<'_>) -> Result<Option<Ran>, CertifyError> {
         match listed.source {
-            Source::Trace(case) => self.trace(listed, case),
-            Source::Script(script) => self.script(listed, script),
-            Source::Sessions(group) => Ok(self.sessions(listed, group)),
+            Source::Trace(case) => self.trace(first, listed, case),
+            Source::Script(script) => self.script(first, listed, script),
+            Source::Sessions(group) => Ok(self.sessions(first, listed, group)),
         }
     }
 
-    fn trace(&self, listed: &Listed<'_>, case: &Case) -> Result<Option<Ran>, CertifyError> {
-        let start = Start::new(&self.subjects.first, case);
+    fn trace(
+        &self,
+        first: &Covered,
+        listed: &Listed<'_>,
+        case: &Case,
+    ) -> Result<Option<Ran>, CertifyError> {
+        let start = Start::new(first, case);
         let mut ran = Ran {
             fuel: start.uncut.fuel,
             bytes: start.uncut.bytes,
@@ -178,8 +195,13 @@ impl Shared<'_> {
         Ok(Some(ran))
     }
 
-    fn script(&self, listed: &Listed<'_>, script: &Script) -> Result<Option<Ran>, CertifyError> {
-        let Subjects { first, second, second_run, .. } = self.subjects;
+    fn script(
+        &self,
+        first: &Covered,
+        listed: &Listed<'_>,
+        script: &Script,
+    ) -> Result<Option<Ran>, CertifyError> {
+        let Subjects { second, second_run, .. } = self.subjects;
         let run = Judge::run_script(first, script);
         let again = Judge::run_script(second, script);
         let class = |run: &ScriptRun| run.failure.as_ref().map(|failure| failure.class);
@@ -197,16 +219,10 @@ impl Shared<'_> {
         Ok(Some(ran))
     }
 
-    fn sessions(&self, listed: &Listed<'_>, group: &SessionGroup) -> Option<Ran> {
-        let Shared { subjects, options, plan, .. } = self;
+    fn sessions(&self, first: &Covered, listed: &Listed<'_>, group: &SessionGroup) -> Option<Ran> {
+        let Shared { options, plan, .. } = self;
         let is_over = || self.is_over();
-        let run = Judge::run_sessions(
-            &subjects.first,
-            group,
-            options.sessions,
-            &plan.features,
-            &is_over,
-        )?;
+        let run = Judge::run_sessions(first, group, options.sessions, &plan.features, &is_over)?;
         let mut ran = Ran { pure: run.pure, ..Ran::default() };
         let failed = run.failures.len() as u32;
         for failure in run.failures {

@@ -24,6 +24,7 @@ pub use options::{CertifyOptions, Progress};
 pub use plan::ABI;
 
 use crate::corpus::Corpus;
+use coverage::{Measured, Measuring};
 use plan::Plan;
 use rows::Results;
 use softplug_report::Report;
@@ -68,16 +69,21 @@ pub fn certify(
     if unfit.is_empty() {
         unfit = plan.unfit(loaded.manifest());
     }
+    let mut measuring = Measuring::new(loaded)?;
     let ran = match loaded.subjects() {
         Some(subjects) if unfit.is_empty() => {
-            execute::run(&plan, loaded, subjects, options, progress, stop)?
+            let watched = measuring.as_mut().map(Measuring::watched);
+            execute::run(&plan, loaded, subjects, watched, options, progress, stop)?
         }
         _ => plan.cases.iter().map(|_| None).collect(),
     };
     let plan = &plan;
     let mut results = Results { loaded, corpus, options, plan, unfit, ran, measured: None };
     if results.report().verdict.is_conformant() {
-        results.measured = Some(coverage::coverage(loaded, corpus, options, progress, stop)?);
+        results.measured = Some(match measuring {
+            Some(measuring) => measuring.coverage(corpus, options, progress, stop)?,
+            None => Measured::Unknown,
+        });
     }
     Ok(results.report())
 }

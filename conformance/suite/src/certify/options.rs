@@ -32,7 +32,7 @@ pub struct CertifyOptions {
     pub threads: usize,
     /// Random sessions. Fewer than a whole verdict needs make a run partial.
     pub sessions: Sessions,
-    /// Changes where random cuts fall.
+    /// Changes where random cuts fall, and so maybe what is executed.
     pub cut_seed: u64,
     /// Runs the cases in another order. The report does not depend on it.
     pub shuffle: Option<u64>,
