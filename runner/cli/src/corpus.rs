@@ -1,5 +1,6 @@
 //! The corpus that verbs work with: the one in the command, or a folder.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -25,6 +26,11 @@ impl Source {
     /// none yet.
     pub(crate) fn load_begun(&self) -> Result<Corpus, Failure> {
         self.read_by(Corpus::begun)
+    }
+
+    /// The folder that was named.
+    pub(crate) fn named(&self) -> Option<Cow<'_, str>> {
+        self.corpus.as_ref().map(|folder| folder.to_string_lossy())
     }
 
     /// The folder that was named, or the working folder if that is a corpus.

@@ -176,7 +176,7 @@ fn a_failure_is_told_with_all_that_is_needed() {
     assert!(course.contains("id: 3964.tx.bell"), "{course}");
     let again = ran.out.lines().find_map(|line| line.trim().strip_prefix("again: softplug "));
     let words: Vec<_> = again.unwrap().split(' ').collect();
-    bench.run(&with(&words, &["--corpus", "corpus"])).with_code(1);
+    bench.run(&words).with_code(1);
 }
 
 #[test]

@@ -52,9 +52,13 @@ fn ring(place: u64) -> u32 {
     (place % u64::from(u32::MAX)) as u32
 }
 
-/// The place of an id among those that were seen, from 1.
+/// The place of an id among those that were seen, from 1. One below all of them is the first
+/// of a link that was opened anew.
 fn number(known: &mut Vec<u32>, id: u32) -> u32 {
     let place = known.iter().position(|known| *known == id).unwrap_or_else(|| {
+        if known.iter().all(|known| id < *known) {
+            known.clear();
+        }
         known.push(id);
         known.len() - 1
     });
@@ -75,6 +79,19 @@ pub(super) fn request_of_link(observed: &[(Micros, Observed)], asked: u32) -> u3
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn where_the_link_is_opened_anew_ids_begin_again_or_go_on() {
+        let numbers = |ids: &[u32]| {
+            let mut known = Vec::new();
+            ids.iter().map(|id| number(&mut known, *id)).collect::<Vec<_>>()
+        };
+        // As if first on the link, and behind two others.
+        assert_eq!(numbers(&[1, 2, 2, 1, 1, 2, 3]), [1, 2, 2, 1, 1, 2, 3]);
+        assert_eq!(numbers(&[3, 4, 4, 1, 1, 2, 3]), [1, 2, 2, 1, 1, 2, 3]);
+        // A plug-in that counts on.
+        assert_eq!(numbers(&[3, 4, 5]), [1, 2, 3]);
+    }
 
     #[test]
     fn the_last_ids_come_behind_others_too() {

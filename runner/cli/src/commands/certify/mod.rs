@@ -162,7 +162,9 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     if arguments.annotations {
         Screen::raw(annotations::write(&report).as_bytes());
     }
-    show::report(&report, &arguments.plugin, folder.as_ref(), screen);
+    let corpus = arguments.corpus.named();
+    let named = show::Named { plugin: &arguments.plugin, corpus: corpus.as_deref() };
+    show::report(&report, &named, folder.as_ref(), screen);
     screen.document(&report);
     Ok(match exit(report.verdict) {
         Exit::Done if !is_whole => Exit::Incomplete,

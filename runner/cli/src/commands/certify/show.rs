@@ -14,14 +14,21 @@ use crate::plugin::as_word;
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
 use crate::sequence;
 
+/// What was judged and by what, as the command names it.
+pub(super) struct Named<'a> {
+    pub(super) plugin: &'a str,
+    pub(super) corpus: Option<&'a str>,
+}
+
 /// Failed cases that are told in full.
 const SHOWN: usize = 3;
 
-pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, screen: &Screen) {
+pub(super) fn report(report: &Report, named: &Named<'_>, folder: Option<&Folder>, screen: &Screen) {
     for finding in &report.lint {
         screen.say(format_args!("  {finding}"));
     }
-    let again = format!("certify {} ", as_word(plugin));
+    let corpus = named.corpus.map(|folder| format!("--corpus {} ", as_word(folder)));
+    let again = format!("certify {} {}", as_word(named.plugin), corpus.unwrap_or_default());
     let failed: Vec<_> = report.cases.iter().filter(|case| !case.failures.is_empty()).collect();
     for case in failed.iter().take(SHOWN) {
         let text = explain(report, case).replace("certify PLUGIN ", &again);
