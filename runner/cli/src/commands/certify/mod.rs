@@ -220,7 +220,9 @@ pub(super) fn certify_failure(error: CertifyError) -> Failure {
         CertifyError::UnknownProfile { .. } => {
             Failure::usage(error).hint("`softplug cases` shows which cases each has")
         }
-        CertifyError::UnknownRevision { .. } => Failure::usage(error),
+        CertifyError::UnknownRevision { .. } | CertifyError::UnknownClause { .. } => {
+            Failure::usage(error)
+        }
         CertifyError::NothingSelected { .. } => Failure::new(Exit::NothingSelected, error),
         _ => Failure::internal(error),
     }
