@@ -21,6 +21,7 @@ type Settings = &'static [(&'static str, &'static str)];
 pub(super) fn scripts() -> Vec<Script> {
     let mut all = vec![drip_feed(), late(), late_packets(), request(), punch(), slow_host()];
     all.extend([
+        late_behind_abort(),
         paused_check("reader-paused-check", &[]),
         paused_check("remote-a-paused-check", REMOTE),
     ]);
@@ -160,6 +161,29 @@ fn late() -> Script {
         let end = play.end_of_late(job, 31, EVERY)?;
         let sent = play.host.sent().len() as u64;
         play.equal("the job's end", Ok(sent), end)?;
+        play.run(SECOND)?;
+        arrived(play, &program)
+    })
+}
+
+/// What timed an earlier job is over when the next one's data come so slowly.
+fn late_behind_abort() -> Script {
+    let clauses = ["fanuc-rs232.feed.dc1-timeout"];
+    let control = small(Options { line: seven_even_two(9_600), ..Options::default() });
+    let title = "A job is aborted before its time for DC1 is over: it is not the next one's time";
+    let settings = &[("dc1_timeout", "20000")];
+    script("reader-late-behind-abort", title, &clauses, settings, control, 1, |play| {
+        let aborted = play.send(program(5).as_bytes())?;
+        play.run(Micros::from_secs(19))?;
+        play.abort(aborted)?;
+        let end = play.end_of(aborted, Micros::from_millis(500))?;
+        play.demand("the job must fail", end.is_err(), end)?;
+        let program = program(60);
+        let job = play.late_job("send", &[], program.as_bytes())?;
+        let now = play.now();
+        play.partner().press(now, Press::Read);
+        let end = play.end_of_late(job, 31, Micros::from_millis(100))?;
+        play.demand("the job must be done", end.is_ok(), end)?;
         play.run(SECOND)?;
         arrived(play, &program)
     })
