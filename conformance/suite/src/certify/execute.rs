@@ -81,7 +81,9 @@ pub(super) fn run(
         workers.into_iter().map(thread::ScopedJoinHandle::join).collect::<Vec<_>>()
     });
     if let Some(executed) = executed {
-        all_covered.iter().for_each(|covered| executed.add(&covered.take()));
+        for covered in &all_covered {
+            executed.add(&covered.take());
+        }
     }
     let mut all: Vec<Option<Ran>> = plan.cases.iter().map(|_| None).collect();
     let mut errors = Vec::new();
