@@ -104,6 +104,12 @@ pub(crate) enum NotPossible {
     Job(String),
     #[error("the plug-in makes no request of kind \"{0}\"")]
     Request(String),
+    #[error("nothing comes over a port that is down")]
+    Silent,
+    #[error("a closed link takes no job")]
+    JobOfClosed,
+    #[error("on a closed link no plug-in takes over from another")]
+    SwapOfClosed,
     #[error("room to transmit grows as bytes leave; only room for deliveries can be given")]
     TransmitRoom,
 }
@@ -125,8 +131,10 @@ impl Timeline {
         let reaction = Micros(i64::from(case.trace.front.line.reaction));
         let mut given = Vec::new();
         let mut window = 0;
+        let mut condition = Condition { is_open: true, is_up: true };
         for entry in case.trace.inputs() {
             let number = entry.line.0;
+            condition.take(&entry.what).map_err(|error| error.at(number))?;
             let bytes = |error: PayloadError| NotPossible::from(error).at(number);
             let at = place(entry.when, windows, &mut window);
             let What::Given(what) = &entry.what else { continue };
@@ -169,6 +177,37 @@ impl Timeline {
     /// In the order of time; of one time, the line comes before the host.
     pub(crate) fn sort(&mut self) {
         self.given.sort_by_key(|given| (given.at, !given.what.is_from_line()));
+    }
+}
+
+/// What of a link decides which inputs there can be.
+struct Condition {
+    is_open: bool,
+    is_up: bool,
+}
+
+impl Condition {
+    /// # Errors
+    /// There is no such input now.
+    fn take(&mut self, what: &What) -> Result<(), NotPossible> {
+        let What::Given(given) = what else { return Ok(()) };
+        match given {
+            trace::Given::Host(HostRequest::Close) => self.is_open = false,
+            trace::Given::Host(HostRequest::Open) => (self.is_open, self.is_up) = (true, true),
+            trace::Given::Line(LineEvent::Down(_)) => self.is_up = false,
+            trace::Given::Line(LineEvent::Up) => self.is_up = true,
+            trace::Given::Host(HostRequest::Job { .. }) if !self.is_open => {
+                return Err(NotPossible::JobOfClosed);
+            }
+            trace::Given::Host(HostRequest::Swap) if !self.is_open => {
+                return Err(NotPossible::SwapOfClosed);
+            }
+            trace::Given::Receive(_) | trace::Given::Burst(_) if self.is_open && !self.is_up => {
+                return Err(NotPossible::Silent);
+            }
+            _ => {}
+        }
+        Ok(())
     }
 }
 
@@ -249,6 +288,30 @@ fn of_host(case: &Case, manifest: &Manifest, request: &HostRequest) -> Result<As
 mod tests {
     use super::*;
     use softplug_trace::Time;
+
+    #[test]
+    fn what_a_link_cannot_be_given_is_refused() {
+        let refused = |lines: &str| {
+            let trace = format!(
+                "id: a.b.c\ntitle: t\nprofile: a\nclauses: a.b\nlevel: must\nline: 9600 8N1 depth=1 reaction=0\nsince: 1\norigin: hand-written\n---\n{lines}. 9.000000\n"
+            );
+            let trace = softplug_trace::Trace::parse(&trace).unwrap();
+            let mut condition = Condition { is_open: true, is_up: true };
+            trace
+                .inputs()
+                .find_map(|entry| condition.take(&entry.what).err())
+                .map(|e| e.to_string())
+        };
+        let job = refused("? 1.000000 close\n? 2.000000 send 1 \"A\"\n");
+        assert_eq!(job.unwrap(), "a closed link takes no job");
+        let byte = refused("! 1.000000 down failed\n< 2.000000 \"A\"\n");
+        assert_eq!(byte.unwrap(), "nothing comes over a port that is down");
+        let swap = refused("? 1.000000 close\n? 2.000000 swap\n");
+        assert_eq!(swap.unwrap(), "on a closed link no plug-in takes over from another");
+        let good = "! 1.000000 down failed\n! 2.000000 up\n< 3.000000 \"A\"\n? 4.000000 close\n\
+                    ? 5.000000 open\n? 6.000000 send 1 \"A\"\n? 7.000000 swap\n";
+        assert_eq!(refused(good), None);
+    }
 
     #[test]
     fn each_window_is_tried_at_both_ends() {

@@ -100,11 +100,16 @@ impl fmt::Display for Failure {
         for line in &self.before {
             writeln!(f, "    {line}")?;
         }
-        if self.class == Class::DependsOnPast {
-            writeln!(
+        match self.class {
+            Class::DependsOnPast => writeln!(
                 f,
                 "  a case that rightly leaves something for the next says so in its head: leaves: WHAT"
-            )?;
+            )?,
+            Class::DependsOnRooms => writeln!(
+                f,
+                "  a case whose course rightly hangs on the host's rooms says them in its head: room: WHICH"
+            )?,
+            _ => {}
         }
         write!(f, "  again: {}", self.again)
     }

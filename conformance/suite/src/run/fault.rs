@@ -105,7 +105,7 @@ impl FaultClass {
             Self::EventRefused => "refused an event",
             Self::SwapFailed => "could not be replaced by a fresh instance of itself",
             Self::NotStarted => "cannot be started",
-            Self::NotApplicable => "lacks what the trace asks for",
+            Self::NotApplicable => "cannot be given what the trace asks for",
         }
     }
 }

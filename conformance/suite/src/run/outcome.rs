@@ -20,6 +20,8 @@ pub struct Outcome {
     pub began: Micros,
     /// At how many places the plug-in could have been swapped.
     pub swap_places: u32,
+    /// A delivery is under way at the end.
+    pub is_delivering: bool,
     /// What the plug-in's computing cost.
     pub fuel: Fuel,
     /// Bytes that came, left, and were delivered.
@@ -30,6 +32,7 @@ impl Outcome {
     pub(crate) fn unstarted(fault: Fault) -> Self {
         let (seen, fuel) = (Vec::new(), Fuel::default());
         let began = Micros::ZERO;
-        Self { seen, fault: Some(fault), began, swap_places: 0, fuel, bytes: 0 }
+        let fault = Some(fault);
+        Self { seen, fault, began, swap_places: 0, is_delivering: false, fuel, bytes: 0 }
     }
 }

@@ -19,7 +19,7 @@ pub(crate) fn rerun<S: Subject>(subject: &S, case: &Case) -> Outcome {
     let fault = run(subject, case, &meter, &mut bytes).err();
     let fuel: Fuel = meter.fuel.get();
     let (seen, began) = (Vec::new(), Micros::ZERO);
-    Outcome { seen, fault, began, swap_places: 0, fuel, bytes }
+    Outcome { seen, fault, began, swap_places: 0, is_delivering: false, fuel, bytes }
 }
 
 fn run<S: Subject>(

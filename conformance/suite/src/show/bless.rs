@@ -91,6 +91,8 @@ pub struct Blessing {
     pub more_at: Option<Micros>,
     /// Jobs that fail though no line says so: which, when and why.
     pub failed: Vec<(u32, Micros, &'static str)>,
+    /// A delivery is under way at the end, and the head says of nothing that it is left.
+    pub leaves_delivery: bool,
 }
 
 /// As [`bless`], with what the trace loses by it: bytes that stood there as sent, by a plug-in on a
@@ -124,7 +126,8 @@ pub fn blessing(subject: &dyn Judge, case: &Case) -> Result<Blessing, BlessFailu
     let failed = failures(case, &outcome.seen);
     let trace = with_seen(subject, case, &outcome.seen)?;
     let Held { stood, lost, lost_bytes, more, more_at } = held;
-    Ok(Blessing { trace, lost, lost_bytes, stood, more, more_at, failed })
+    let leaves_delivery = outcome.is_delivering && case.leaves_nothing();
+    Ok(Blessing { trace, lost, lost_bytes, stood, more, more_at, failed, leaves_delivery })
 }
 
 /// Jobs that fail where no line has said so.

@@ -110,7 +110,7 @@ fn tell(name: &str, file: &str, blessing: &Blessing, force: bool, screen: &Scree
 
 /// What else is not as somebody who blesses may think.
 fn notes(name: &str, file: &str, blessing: &Blessing) -> Vec<String> {
-    let Blessing { stood, more, more_at, failed, .. } = blessing;
+    let Blessing { stood, more, more_at, failed, leaves_delivery, .. } = blessing;
     // A trace that says nothing of what is sent is only being written.
     let more = more_at.filter(|_| *stood > 0).map(|at| {
         let more = numbers::things(*more as u64, "byte");
@@ -124,7 +124,13 @@ fn notes(name: &str, file: &str, blessing: &Blessing) -> Vec<String> {
             seconds(*at)
         )
     });
-    more.into_iter().chain(failed).collect()
+    let left = leaves_delivery.then(|| {
+        format!(
+            "{file}: a delivery is under way at the end, into which the bytes of the next case would \
+             go: let it end, or say so in the head: leaves: a delivery under way"
+        )
+    });
+    more.into_iter().chain(failed).chain(left).collect()
 }
 
 impl JsonLost {

@@ -338,6 +338,35 @@ fn answers_that_were_not_there_are_blessed_at_once() {
     assert_eq!(String::from_utf8(bench.read(file)).unwrap(), TRACE);
 }
 
+#[test]
+fn a_delivery_that_is_under_way_at_the_end_is_told() {
+    let bench = Bench::new();
+    let file = "xon-xoff.tx.first.spt";
+    let (head, _) = TRACE.split_once("---\n").unwrap();
+    let bless = |head: &str| {
+        bench.write(file, format!("{head}---\n< 0.100000 \"abc\"\n. 0.200000\n"));
+        bench.run(&["replay", "xon-xoff", file, "--bless"]).with_code(0).err
+    };
+    let told = bless(head);
+    assert!(told.contains("note: xon-xoff.tx.first.spt: a delivery is under way"), "{told}");
+    assert_eq!(bless(&format!("{head}leaves: a delivery under way\n")), "");
+}
+
+#[test]
+fn a_trace_that_asks_for_what_no_host_does_is_refused() {
+    let bench = Bench::new();
+    let file = "xon-xoff.tx.first.spt";
+    let (head, _) = TRACE.split_once("---\n").unwrap();
+    for (lines, reason) in [
+        ("? 0.100000 close\n? 0.200000 send 2 \"B\"\n", "a closed link takes no job"),
+        ("! 0.100000 down failed\n< 0.200000 \"B\"\n", "nothing comes over a port that is down"),
+    ] {
+        bench.write(file, format!("{head}---\n{lines}. 1.000000\n"));
+        let told = bench.run(&["replay", "xon-xoff", file, "--bless"]).with_code(1).err;
+        assert!(told.contains(&format!(": {reason}")) && told.contains("line "), "{told}");
+    }
+}
+
 /// One of many is enough: none is written.
 #[test]
 fn of_several_traces_none_is_blessed_where_one_loses() {

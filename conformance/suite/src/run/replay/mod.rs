@@ -229,7 +229,8 @@ impl<'a, S: Subject> Run<'a, S> {
         drop(self.line);
         let fuel = self.meter.fuel.get();
         let (swap_places, fault) = (self.swap_places, run.err());
-        Outcome { seen, fault, began: since, swap_places, fuel, bytes }
+        let is_delivering = self.recorder.open_delivery.is_some();
+        Outcome { seen, fault, began: since, swap_places, is_delivering, fuel, bytes }
     }
 
     /// What this round showed.
