@@ -298,7 +298,7 @@ fn what_cannot_be_read_is_named_by_its_place() {
     let case = text(&bench, "corpus/traces/3964/3964.tx.bell.spt");
     let uncited = case.replace("clauses: 3964.tx.bell", "clauses: 3964.tx.gong");
     bench.write("corpus/traces/3964/3964.tx.bell.spt", uncited);
-    told += &bench.run(&with(&SMALL, &["--corpus", "corpus"])).with_code(2).err;
+    told += &bench.run(&[&SMALL[..4], &["--corpus", "corpus"]].concat()).with_code(2).err;
     bench.write("conformance.json", "{\"schema\": 1,\n x}");
     told += &bench.run(&["verify", "conformance.json", "r3964"]).with_code(2).err;
     told += &bench.run(&["verify", "none.json", "r3964"]).with_code(2).err;
