@@ -69,9 +69,10 @@ pub fn certify(
     if unfit.is_empty() {
         unfit = plan.unfit(loaded.manifest());
     }
-    let mut measuring = Measuring::new(loaded)?;
+    let mut measuring = None;
     let ran = match loaded.subjects() {
         Some(subjects) if unfit.is_empty() => {
+            measuring = Measuring::new(loaded)?;
             let watched = measuring.as_mut().map(Measuring::watched);
             execute::run(&plan, loaded, subjects, watched, options, progress, stop)?
         }

@@ -289,12 +289,13 @@ mod tests {
     use super::*;
     use softplug_trace::Time;
 
+    const HEAD: &str = "id: a.b.c\ntitle: t\nprofile: a\nclauses: a.b\nlevel: must\n\
+                        line: 9600 8N1 depth=1 reaction=0\nsince: 1\norigin: hand-written\n---\n";
+
     #[test]
     fn what_a_link_cannot_be_given_is_refused() {
         let refused = |lines: &str| {
-            let trace = format!(
-                "id: a.b.c\ntitle: t\nprofile: a\nclauses: a.b\nlevel: must\nline: 9600 8N1 depth=1 reaction=0\nsince: 1\norigin: hand-written\n---\n{lines}. 9.000000\n"
-            );
+            let trace = format!("{HEAD}{lines}. 9.000000\n");
             let trace = softplug_trace::Trace::parse(&trace).unwrap();
             let mut condition = Condition { is_open: true, is_up: true };
             trace
