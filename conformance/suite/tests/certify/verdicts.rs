@@ -4,7 +4,7 @@ use crate::common::module;
 use crate::small::{Small, claiming, judge, options, patched, plugin, run, small};
 use softplug_conformance::Corpus;
 use softplug_conformance::certify::{
-    CertifyError, CertifyOptions, Loaded, Progress, certify, observe,
+    ABI, CertifyError, CertifyOptions, Loaded, Progress, certify, observe,
 };
 use softplug_report::{CaseResult, VerdictKind, check, json};
 use std::sync::Mutex;
@@ -141,8 +141,11 @@ fn an_interrupted_run_is_partial() {
     assert_eq!((report.verdict, report.counts.executed), (VerdictKind::Partial, 1));
     assert_eq!(report.cases[1].result, CaseResult::Skipped { reason: "interrupted".to_owned() });
 
-    // All cases have passed, but what they execute is not known yet.
-    let one = small(&[GOOD]);
+    // All cases have passed, but what those of every plug-in execute is not known yet.
+    let mut one = small(&[GOOD]);
+    let Corpus { ledgers, scripts, .. } = Corpus::embedded();
+    one.ledgers.extend(ledgers.into_iter().filter(|ledger| ledger.profile == ABI));
+    one.scripts.extend(scripts.into_iter().filter(|script| script.profile == ABI));
     let stop = AtomicBool::new(false);
     let at_the_end = |_| stop.store(true, Ordering::Relaxed);
     let report = certify(&loaded(&plugin()), &one, &options(), &at_the_end, &stop)
