@@ -32,7 +32,8 @@ use std::sync::atomic::AtomicBool;
 
 /// Judges a module by a profile. `progress` is told after each case; a `stop` that becomes
 /// true ends the run, and the report says so. The report depends on module, corpus, profile,
-/// revision, `strict`, patterns and baseline alone.
+/// revision, `strict`, patterns, baseline and sessions alone; what it says is executed also on
+/// `cut_seed`.
 ///
 /// ```
 /// use softplug_conformance::Corpus;

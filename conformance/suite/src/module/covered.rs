@@ -60,8 +60,50 @@ impl Instance for CoveredSession {
     }
 
     fn step(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, SessionFault> {
-        // One that has failed fails again.
+        // What the copy answers, or fails by, is nobody's business.
         let _ = self.copy.as_mut().map(|copy| copy.step(event, now));
         self.judged.step(event, now)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::module::executed::Places;
+    use softplug_abi::{LineParameters, Parity};
+    use softplug_host::{Host, HostOptions, lint};
+
+    /// What an echo with room for one byte answers to two, and its fuel.
+    fn run<S: Subject>(subject: &S) -> (Vec<Vec<u8>>, Fuel) {
+        let mut instance = subject.instantiate().unwrap();
+        let line =
+            LineParameters { baud: 9_600, data_bits: 8, parity: Parity::None, stop_half_bits: 2 };
+        let (transmit_room, delivery_room) = (1, 1);
+        let open = Event::Open { resumed: false, line, transmit_room, delivery_room };
+        let events = [open, Event::Received(b"a"), Event::Received(b"b")];
+        let answers = events.iter().map(|event| {
+            let Ok(output) = instance.step(event, Micros::ZERO) else { panic!("it takes all") };
+            output.actions.to_vec()
+        });
+        let answers = answers.collect();
+        (answers, S::fuel(&instance))
+    }
+
+    #[test]
+    fn the_copy_executes_what_the_plug_in_does_and_changes_nothing_of_it() {
+        let module = wat::parse_file("../../fixtures/abi/echo.wat").unwrap();
+        let host = Host::new(HostOptions::default()).unwrap();
+        let judged = Sandboxed::new(host.load_bytes(&module).unwrap());
+        let places = Places::of(&module).unwrap();
+        let watcher = places.watch(&host, &module, &lint(&module).unwrap()).unwrap();
+        let covered = Covered::new(&judged, Some(watcher.another()));
+        assert_eq!(run(&covered), run(&judged));
+        assert_eq!(run(&watcher).0, run(&judged).0);
+        let executed = watcher.take();
+        assert_ne!(executed, Executed::default());
+        assert_eq!(covered.take(), executed);
+        let unwatched = Covered::new(&judged, None);
+        assert_eq!(run(&unwatched), run(&judged));
+        assert_eq!(unwatched.take(), Executed::default());
     }
 }
