@@ -68,7 +68,7 @@ pub(crate) fn run(
 fn prompt() -> Command {
     let mut command = cargo();
     command.env("SOFTPLUG_PROMPT_BLOCKS", PROMPT_BLOCKS.to_string());
-    command.args(["test", "--workspace", "--test", PROMPT, "--", "--nocapture"]);
+    command.args(["test", "--workspace", "--test", "integration", "prompt::", "--", "--nocapture"]);
     command
 }
 
@@ -99,7 +99,8 @@ fn interleavings() -> Command {
 fn kills() -> Command {
     let mut command = cargo();
     command.env("SOFTPLUG_CELL_KILLS", CELL_KILLS.to_string());
-    command.args(["test", "--workspace", "--test", "gateway", "cells_crash", "--", "--nocapture"]);
+    command.args(["test", "--workspace", "--test", "integration", "gateway::cells_crash"]);
+    command.args(["--", "--nocapture"]);
     command
 }
 
@@ -172,7 +173,7 @@ mod tests {
         let words = |command: &Command| {
             command.get_args().map(|word| word.to_str().unwrap().to_owned()).collect::<Vec<_>>()
         };
-        assert!(words(&prompt()).contains(&PROMPT.to_owned()));
+        assert!(words(&prompt()).contains(&format!("{PROMPT}::")));
         assert!(words(&bombs(Some(5))).ends_with(&["search".into(), "600".into(), "5".into()]));
     }
 

@@ -1,8 +1,6 @@
 //! What the page is answered, without a page.
 
-mod common;
-
-use common::endless;
+use crate::common::endless;
 use serde_json::{Value, json};
 use softplug_playground::Playground;
 use std::path::{Path, PathBuf};

@@ -3,11 +3,10 @@
 #[path = "../../../runner/service/tests/page/browser.rs"]
 #[allow(dead_code, reason = "the gateway's page needs more of it")]
 mod browser;
-mod common;
 
 mod needs_chromium {
     use super::browser::Browser;
-    use super::common::endless;
+    use crate::common::endless;
     use serde_json::{Value, json};
     use std::path::{Path, PathBuf};
 

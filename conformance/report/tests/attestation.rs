@@ -1,10 +1,8 @@
 //! Signed results: what they say, and that no part of them can be changed.
 
-mod common;
-
+use crate::common::{SAMPLES, leaves, sample, text};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use common::{SAMPLES, leaves, sample, text};
 use serde_json::Value;
 use softplug_report::attest::{self, KeyError, PrivateKey, PublicKey, Source, VerifyError};
 use softplug_report::{VerdictKind, json};

@@ -1,8 +1,6 @@
 //! Two reports, held against each other.
 
-mod common;
-
-use common::{SAMPLES, leaves, sample};
+use crate::common::{SAMPLES, leaves, sample};
 use serde_json::Value;
 use softplug_report::{Report, compare, fuel_is_comparable};
 

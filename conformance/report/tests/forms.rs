@@ -1,8 +1,6 @@
 //! JUnit, annotations and badge: right, and never green for what is not.
 
-mod common;
-
-use common::{HOSTILE, SAMPLES, hostile, sample};
+use crate::common::{HOSTILE, SAMPLES, hostile, sample};
 use serde_json::Value;
 use softplug_report::{annotations, badge, junit};
 

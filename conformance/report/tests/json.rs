@@ -1,9 +1,8 @@
 //! `conformance.json`: written, read back, and refused where it is damaged or
 //! contradicts itself.
 
-mod common;
-
-use common::{SAMPLES, sample, text};
+use crate::common;
+use crate::common::{SAMPLES, sample, text};
 use serde_json::{Value, json};
 use softplug_report::json::{self as report_json, ReadError};
 use softplug_report::{Report, VerdictKind, check};

@@ -1,11 +1,9 @@
 //! The HTML page: what stands in it, and that nothing from outside gets out of its
 //! place.
 
-#[path = "page/browser.rs"]
 mod browser;
-mod common;
 
-use common::{SAMPLES, hostile, sample};
+use crate::common::{SAMPLES, hostile, sample};
 use softplug_report::html;
 
 #[test]

@@ -1,9 +1,7 @@
 //! The published schema: every report fits it, damaged ones do not, and every
 //! property is described.
 
-mod common;
-
-use common::{SAMPLES, hostile, leaves, text};
+use crate::common::{SAMPLES, hostile, leaves, text};
 use jsonschema::Validator;
 use serde_json::{Value, json};
 

@@ -1,8 +1,6 @@
 //! Whatever stands in a report, reading and writing it never breaks off.
 
-mod common;
-
-use common::{HOSTILE, SAMPLES, leaves, text};
+use crate::common::{HOSTILE, SAMPLES, leaves, text};
 use serde_json::{Value, json};
 use softplug_report::{
     Report, annotations, badge, check, compare, explain, html, json as report_json, junit,

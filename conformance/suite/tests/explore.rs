@@ -1,9 +1,7 @@
 //! The reference plug-ins, explored.
 #![cfg(feature = "wasmtime")]
 
-mod common;
-
-use common::{module, sandboxed};
+use crate::common::{module, sandboxed};
 use serde::Deserialize;
 use softplug_conformance::{Places, differs_from_explored, explore_profile};
 use softplug_explore::{

@@ -1,9 +1,6 @@
 //! Drip feeds: a program longer than any memory, executed while it comes.
 
-#[path = "common/fanuc.rs"]
-mod fanuc;
-
-use fanuc::resolve;
+use crate::common::fanuc::resolve;
 use sha2::{Digest, Sha256};
 use softplug_abi::{Action, Failure, JobId, Micros};
 use softplug_link::{Job, LinkHost, LinkOptions, Supply, WireHost};

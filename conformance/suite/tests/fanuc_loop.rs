@@ -1,13 +1,8 @@
 //! The FANUC plug-in and a simulated control on one line: programs in, programs
 //! out, stops, resets and the remote buffer.
 
-#[path = "common/fanuc.rs"]
-mod fanuc;
-#[path = "fanuc_loop/punching.rs"]
 mod punching;
-#[path = "fanuc_loop/reading.rs"]
 mod reading;
-#[path = "fanuc_loop/remote.rs"]
 mod remote;
 
 use softplug_abi::Micros;

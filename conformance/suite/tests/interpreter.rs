@@ -1,9 +1,7 @@
 //! Every plug-in does the same under the interpreter of units without an operating system as under the
 //! other engines: the same effects at the same times in every case of its profiles, so the same digest of them.
 
-mod common;
-
-use common::{cases, module, root};
+use crate::common::{cases, module, root};
 use sha2::{Digest, Sha256};
 use softplug_conformance::{Judge, Permutation, Sandboxed};
 use softplug_host::{EngineKind, Host, HostOptions};

@@ -1,12 +1,7 @@
 //! The ledgers fit the cases, and lint finds each way in which they could not.
 
-mod common;
-
-#[path = "certify/small.rs"]
-#[allow(dead_code)] // It is made for the tests of certification.
-mod small;
-
-use small::{Small, files, ledger, plain_ledger, write};
+use crate::common;
+use crate::common::small::{Small, files, ledger, plain_ledger, write};
 use softplug_conformance::Corpus;
 use softplug_conformance::ledger::{Ledger, LedgerError, fingerprint};
 use softplug_conformance::lint::{Finding, lint};

@@ -1,9 +1,7 @@
 //! Every reference plug-in passes its profiles in every permutation, natively: what the suite
 //! does without an engine, quick enough to be run after each of thousands of changes.
 
-mod common;
-
-use common::{assert_all_pass, cases, native};
+use crate::common::{assert_all_pass, cases, native};
 use softplug_conformance::{Case, Filter, Judge, Summary, run_all};
 use softplug_native::NativePlugin;
 use std::collections::BTreeSet;

@@ -1,8 +1,6 @@
 //! The protocol pages say what the manifests and the traces say.
 
-mod common;
-
-use common::{native, root};
+use crate::common::{native, root};
 use softplug_abi::manifest::Manifest;
 use softplug_conformance::page::{presets_table, settings_table};
 use softplug_conformance::script::{self, Script};

@@ -1,9 +1,7 @@
 //! Every reference plug-in passes its profiles in every permutation, natively and under both
 //! engines, and all three do the same.
 
-mod common;
-
-use common::{assert_all_pass, cases, module, native, root};
+use crate::common::{assert_all_pass, cases, module, native, root};
 use softplug_conformance::certify::{CertifyOptions, Loaded, certify};
 use softplug_conformance::{Corpus, Filter, Judge, Summary, load, run_all};
 use softplug_native::NativePlugin;

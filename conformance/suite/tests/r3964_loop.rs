@@ -4,12 +4,9 @@
 //!
 //! `SOFTPLUG_LOOP_BLOCKS` says how many blocks two plug-ins exchange (10,000).
 
-#[path = "common/pair.rs"]
-mod pair;
-#[path = "r3964_loop/rk512.rs"]
 mod rk512;
 
-use pair::{Pair, PluginEnd};
+use crate::common::pair::{Pair, PluginEnd};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_abi::{LineParameters, Micros};

@@ -1,11 +1,9 @@
 //! Every reference plug-in passes the scripts of its profiles, natively and under both
 //! engines, and all do the same; and each script catches one that does wrong.
 
-mod common;
-#[path = "scripts/wrong.rs"]
 mod wrong;
 
-use common::{native, sandboxed_under};
+use crate::common::{native, sandboxed_under};
 use softplug_conformance::Judge;
 use softplug_conformance::script::{Script, all};
 use softplug_host::EngineKind;

@@ -1,9 +1,7 @@
 //! Random sessions: sound plug-ins hold to their models, unsound ones are found, and what
 //! was found runs again the same.
 
-mod common;
-
-use common::native;
+use crate::common::native;
 use softplug_abi::{Action, ActionWriter, Actions, Event, Instance, Micros, Output};
 use softplug_conformance::{Class, Corpus, FromFn, Judge, SessionGroup, Sessions};
 use softplug_native::{NativeInstance, NativePlugin};

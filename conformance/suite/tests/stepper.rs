@@ -1,7 +1,6 @@
 //! A run taken apart: what it shows at each moment, and noise on its line.
 
-mod common;
-
+use crate::common;
 use softplug_conformance::{
     Case, Happening, Moment, Noise, Other, Permutation, Stepper, Timer, disturb,
 };

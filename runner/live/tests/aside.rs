@@ -3,8 +3,6 @@
 
 #![cfg(target_os = "linux")]
 
-mod load;
-
 use std::collections::BTreeSet;
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
@@ -12,7 +10,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use load::{Fragile, Load};
+use crate::load::{Fragile, Load};
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_abi::{Event, Instance, JobId, Micros, Output};
@@ -154,6 +152,8 @@ fn a_link_whose_plugin_has_failed_goes_on_elsewhere_with_port_client_and_jobs() 
     let fragile = Fragile::new(Noted::unbroken(&of_failed, 0), Some(2));
     let mut line = Line::add(&mut load, fragile);
     let mut neighbour = Line::add(&mut load, Noted::new(&of_neighbour, 0));
+    // Once it hears a client, the link has it.
+    neighbour.is_told(b"before");
     neighbour.says(b"before");
     assert_eq!(line.machine.write(b"x").unwrap(), 1);
     load.until(line.lane, |figures| figures.condition == Condition::Faulted);

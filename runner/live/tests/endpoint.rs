@@ -2,17 +2,13 @@
 //! at the far end.
 #![cfg(target_os = "linux")]
 
-mod lanes;
-#[path = "net/port.rs"]
-mod port;
-
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::thread;
 use std::time::Duration;
 
-use lanes::{Bench, program, settings};
-use port::{Heard, options, rfc2217, serve, write_all};
+use crate::lanes::{Bench, program, settings};
+use crate::net::port::{Heard, options, rfc2217, serve, write_all};
 use proptest::prelude::*;
 use rustix::net::sockopt;
 use softplug_abi::{Failure, Micros, ModemLines};

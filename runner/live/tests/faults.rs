@@ -3,15 +3,13 @@
 
 #![cfg(target_os = "linux")]
 
-mod load;
-
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use load::{Fragile, Guests, HOSTILE, Load, Machine, PATIENCE, pattern};
+use crate::load::{Fragile, Guests, HOSTILE, Load, Machine, PATIENCE, pattern};
 use softplug_abi::EventKind;
 use softplug_abi::manifest::SettingValues;
 use softplug_live::reactor::LaneId;

@@ -3,9 +3,7 @@
 //! N blocks each way on each kind of port; without it there are some hundred.
 #![cfg(target_os = "linux")]
 
-#[path = "prompt/late.rs"]
 mod late;
-#[path = "prompt/partner.rs"]
 mod partner;
 
 use std::fs::File;

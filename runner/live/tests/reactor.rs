@@ -2,13 +2,12 @@
 
 #![cfg(target_os = "linux")]
 
-mod lanes;
-
+use crate::lanes;
 use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
-use lanes::{Bench, program, read_exactly, write_all};
+use crate::lanes::{Bench, program, read_exactly, write_all};
 use softplug_abi::{Failure, JobId, LinkDownReason, Micros};
 use softplug_live::PortSpec;
 use softplug_live::pty::PtyPair;

@@ -1,19 +1,14 @@
 //! The port of a device server (RFC 2217) against a simulated one.
 #![cfg(target_os = "linux")]
 
-#[path = "net/machine.rs"]
-mod machine;
-#[path = "net/port.rs"]
-mod port;
-
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use machine::{Machine, PATIENCE};
-use port::*;
+use crate::net::machine::{Machine, PATIENCE};
+use crate::net::port::*;
 use proptest::prelude::*;
 use rfc2217::{DataBits, FlowControl, Parity, PortSettings, Purge, Server, StopBits};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};

@@ -1,21 +1,14 @@
 //! Lanes whose ports are those of a simulated device server (RFC 2217).
 #![cfg(target_os = "linux")]
 
-#[path = "net/killed.rs"]
-mod killed;
-mod lanes;
-#[path = "net/machine.rs"]
-mod machine;
-#[path = "net/port.rs"]
-mod port;
-
+use crate::net::killed;
 use std::net::SocketAddr;
 use std::thread;
 use std::time::Duration;
 
-use lanes::{Bench, program};
-use machine::{Machine, PATIENCE};
-use port::{device_options, rfc2217};
+use crate::lanes::{Bench, program};
+use crate::net::machine::{Machine, PATIENCE};
+use crate::net::port::{device_options, rfc2217};
 use softplug_abi::{JobId, LineErrorKind, ModemLines};
 use softplug_live::PortOptions;
 use softplug_live::device_server::{DeviceServer, Seen};

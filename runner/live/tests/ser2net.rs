@@ -2,16 +2,6 @@
 //! a simulated device server, because a pty has no modem lines and no break.
 #![cfg(target_os = "linux")]
 
-#[path = "net/killed.rs"]
-mod killed;
-mod lanes;
-#[path = "net/machine.rs"]
-mod machine;
-#[path = "net/port.rs"]
-mod port;
-#[path = "net/ser2net.rs"]
-mod ser2net;
-
 mod needs_ser2net {
     use std::cell::RefCell;
     use std::thread;
@@ -26,11 +16,11 @@ mod needs_ser2net {
     use softplug_live::{Port, PortError, PortOptions, PortSpec, ReadOutcome};
     use softplug_machines::Signal;
 
-    use super::killed::{self, Server};
-    use super::lanes::Bench;
-    use super::machine::{Machine, PATIENCE};
-    use super::port::*;
-    use super::ser2net::Ser2net;
+    use crate::lanes::Bench;
+    use crate::net::killed::{self, Server};
+    use crate::net::machine::{Machine, PATIENCE};
+    use crate::net::port::*;
+    use crate::net::ser2net::Ser2net;
 
     /// Opens a port of ser2net's, which lets the next client in only once it has
     /// put the last one away.

@@ -3,13 +3,11 @@
 
 #![cfg(target_os = "linux")]
 
-mod lanes;
-mod load;
-
+use crate::lanes;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use load::{Load, Machine, XOFF, XON, pattern};
+use crate::load::{Load, Machine, XOFF, XON, pattern};
 use softplug_live::reactor::{JobOutcome, LaneId, SwapReport, When};
 use softplug_native::NativePlugin;
 

@@ -2,6 +2,7 @@
 //! killed one is this test itself, started again as a child. `SOFTPLUG_CRASH_ROUNDS=N` kills
 //! it more often.
 
+use crate::common::plugins;
 use softplug_abi::{DeliveryId, JobId};
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
@@ -20,11 +21,8 @@ use softplug_service::library::Library;
 use softplug_service::programs::{ProgramName, Programs, Quotas, Receptions, Snapshots};
 use softplug_service::reception_writer::{Incoming, ReceptionWriter};
 
-#[path = "common/plugins.rs"]
-mod plugins;
-
 const FOLDER: &str = "SOFTPLUG_CRASH_FOLDER";
-const TEST: &str = "what_a_killed_gateway_leaves_is_whole_and_its_book_is_true";
+const TEST: &str = "crash::what_a_killed_gateway_leaves_is_whole_and_its_book_is_true";
 const LINKS: [&str; 3] = ["lathe", "mill", "drill"];
 
 struct Shop {

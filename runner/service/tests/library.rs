@@ -1,15 +1,12 @@
 //! The library of plug-ins: what is added is found, what is used stays, and
 //! nothing is there by half.
 
-#[path = "common/plugins.rs"]
-mod plugins;
-
 use std::fs;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-use plugins::echo;
+use crate::common::plugins::echo;
 use softplug_host::Digest;
 use softplug_service::library::{Library, LibraryError, LibraryNews, Use, Watch};
 

@@ -1,11 +1,9 @@
 //! The constants of `sdk/c/softplug.h` and `sdk/assemblyscript/softplug.ts` are those of this
 //! crate: none differs, none is missing, none is too many.
 
-mod common;
-
 use std::collections::BTreeMap;
 
-use common::{Golden, golden, read};
+use crate::common::{Golden, golden, read};
 use softplug_abi::{
     EventKind, Failure, LineErrorKind, LinkDownReason, MORE_OUTPUT, MarkState, ModemLines,
     NoteLevel, Refusal, Value, ValueWriter,

@@ -1,9 +1,7 @@
 //! The decoders take any bytes: typed errors, no panics, one encoding for each
 //! meaning. The writers keep what they wrote.
 
-mod common;
-
-use common::golden;
+use crate::common::golden;
 use proptest::prelude::*;
 use softplug_abi::MalformedReason::{NotUtf8, OutOfRange, TrailingBytes, Truncated, UnknownKind};
 use softplug_abi::{

@@ -3,9 +3,7 @@
 //! The hex in `fixtures/abi` was written from the tables in `docs/abi.md`, not
 //! by this crate. None of it may change within major version 1.
 
-mod common;
-
-use common::{Golden, golden};
+use crate::common::{Golden, golden};
 use softplug_abi::{
     Action, ActionWriter, Actions, DeliveryId, Event, EventKind, Failure, JobId, LineErrorKind,
     LineParameters, LinkDownReason, MORE_OUTPUT, Mailbox, MailboxError, MalformedReason, MarkId,

@@ -2,9 +2,7 @@
 //! keys, the rules, the example plug-in.
 #![cfg(feature = "manifest")]
 
-mod common;
-
-use common::{golden, read};
+use crate::common::{golden, read};
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{
     EventKind, Failure, LineErrorKind, LinkDownReason, MANIFEST_SECTION, Mailbox, MarkState,

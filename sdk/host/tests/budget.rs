@@ -1,9 +1,7 @@
 //! The budget of an event is its own: what a session did before changes neither which event
 //! is too much nor what it used. Under every engine.
 
-mod common;
-
-use common::{ENGINES, Guest, INPUT, host};
+use crate::common::{ENGINES, Guest, INPUT, host};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use softplug_abi::{Event, EventKind, Instance, Micros};

@@ -1,8 +1,6 @@
 //! The cache: what is kept is found again, and what is not ours is never used.
 
-mod common;
-
-use common::{Guest, echo};
+use crate::common::{Guest, echo};
 use softplug_abi::{Event, Instance, Micros};
 use softplug_host::{Host, HostOptions, Origin, Plugin};
 use std::fs;

@@ -1,8 +1,6 @@
 //! Loading from files, and what is wrong with a file.
 
-mod common;
-
-use common::{HOST, echo};
+use crate::common::{HOST, echo};
 use softplug_host::{LintError, LoadError};
 use std::io::Write;
 

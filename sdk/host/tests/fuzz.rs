@@ -1,10 +1,9 @@
 //! Modules nobody wrote: random bytes, damaged modules and generated ones.
 //! Whatever they are, each gets a typed answer within its budget.
 
-mod common;
-
+use crate::common;
+use crate::common::{CAPACITY, HOST, HOSTS, INPUT, MANIFEST, OUTPUT, WORDS, echo};
 use arbitrary::Unstructured;
-use common::{CAPACITY, HOST, HOSTS, INPUT, MANIFEST, OUTPUT, WORDS, echo};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::test_runner::{Config as Cases, TestRunner};

@@ -1,8 +1,7 @@
 //! Modules that keep the lint's rules and do harm when they run: under every engine.
 
-mod common;
-
-use common::{CAPACITY, ENGINES, Guest, HOST, HOSTS, INPUT, OUTPUT, WORDS, echo, host};
+use crate::common;
+use crate::common::{CAPACITY, ENGINES, Guest, HOST, HOSTS, INPUT, OUTPUT, WORDS, echo, host};
 use softplug_abi::limits::{FUEL_PER_EVENT, OUTPUT_ROUNDS};
 use softplug_abi::{Actions, Event, EventKind, Instance, MailboxError, Micros, Refusal};
 use softplug_host::{HostOptions, LoadError, Misbehaviour, SessionFault};

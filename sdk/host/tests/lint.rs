@@ -1,8 +1,6 @@
 //! Each rule of the lint, broken by one module.
 
-mod common;
-
-use common::{Guest, MANIFEST, echo, wat};
+use crate::common::{Guest, MANIFEST, echo, wat};
 use softplug_abi::limits::{
     ELEMENTS, EXPORTS, FUNCTIONS, GLOBALS, LOCALS, MANIFEST_BYTES, MODULE_BYTES, NESTING,
     PARAMETERS, SEGMENTS, TYPES,

@@ -1,8 +1,6 @@
 //! The specification's rules on budget and faults, one test each, by name.
 
-mod common;
-
-use common::{CAPACITY, Guest, HOST, OUTPUT, WORDS, echo};
+use crate::common::{CAPACITY, Guest, HOST, OUTPUT, WORDS, echo};
 use softplug_abi::limits::{EXPORTS, FUEL_PER_EVENT, MODULE_BYTES, MODULE_WEIGHT, PARAMETERS};
 use softplug_abi::{Event, EventKind, Instance, LineErrorKind, MailboxError, Micros};
 use softplug_host::{LintError, LoadError, Misbehaviour, SessionFault, lint};

@@ -1,8 +1,6 @@
 //! Settings in, state out and in again, also of plug-ins that lie about it.
 
-mod common;
-
-use common::{CAPACITY, Guest, HOST, HOSTS, INPUT, MANIFEST, OUTPUT, echo};
+use crate::common::{CAPACITY, Guest, HOST, HOSTS, INPUT, MANIFEST, OUTPUT, echo};
 use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros, Refusal};

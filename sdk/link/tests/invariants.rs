@@ -1,8 +1,7 @@
 //! Whatever a plug-in does and however the port takes it, nothing is lost,
 //! doubled or out of order.
 
-mod common;
-
+use crate::common;
 use proptest::prelude::*;
 use softplug_abi::limits::MARKS;
 use softplug_abi::{

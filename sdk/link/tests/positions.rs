@@ -1,8 +1,6 @@
 //! Where bytes are counted from, and how characters follow each other.
 
-mod common;
-
-use common::{Rig, rooms};
+use crate::common::{Rig, rooms};
 use softplug_abi::{Action, LineParameters, MarkId, Micros, Parity};
 use softplug_link::{LinkOptions, Taken, Wire};
 

@@ -1,9 +1,7 @@
 //! Wherever and however a plug-in fails on probation, the line and the host see
 //! what they would have seen had there been no swap.
 
-mod common;
-
-use common::rooms;
+use crate::common::rooms;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{
     Action, ActionWriter, DeliveryId, Event, Failure, Instance, JobId, MarkId, MarkState, Micros,

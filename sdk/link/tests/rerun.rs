@@ -1,8 +1,6 @@
 //! What an instance was given shows the same end when it is given again.
 
-mod common;
-
-use common::{Plugin, Refused, Script, rooms};
+use crate::common::{Plugin, Refused, Script, rooms};
 use softplug_abi::{
     Action, DeliveryId, Event, EventKind, Instance, JobId, MarkId, Micros, Output, RequestId,
     Values,

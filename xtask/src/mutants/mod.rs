@@ -14,7 +14,7 @@ use crate::workspace::Workspace;
 use crate::{Error, plugins};
 
 const PACKAGE: &str = "softplug-conformance";
-const TEST: &str = "mutants";
+const TEST: &str = "integration";
 
 /// What becomes of the kill matrix.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -66,8 +66,8 @@ fn command(matrix: Matrix, filter: Option<&str>) -> Command {
     command.args(["test", "--quiet", "-p", PACKAGE, "--test", TEST, "--"]);
     match matrix {
         // The other tests would read what is being written.
-        Matrix::Write => command.arg("every_mutant").env("SOFTPLUG_MATRIX", "write"),
-        Matrix::Check => command.env_remove("SOFTPLUG_MATRIX"),
+        Matrix::Write => command.arg("mutants::every_mutant").env("SOFTPLUG_MATRIX", "write"),
+        Matrix::Check => command.arg("mutants::").env_remove("SOFTPLUG_MATRIX"),
     };
     match filter {
         Some(filter) => command.env("SOFTPLUG_MUTANTS_FILTER", filter),
@@ -87,7 +87,7 @@ mod tests {
             command.get_args().map(|word| word.to_str().unwrap().to_owned()).collect::<Vec<_>>()
         };
         let write = command(Matrix::Write, Some("obey"));
-        assert!(words(&write).ends_with(&["every_mutant".into(), "--nocapture".into()]));
+        assert!(words(&write).ends_with(&["mutants::every_mutant".into(), "--nocapture".into()]));
         let variable = |name: &str| {
             let found = write.get_envs().find(|(key, _)| *key == name);
             found.and_then(|(_, value)| value).map(|value| value.to_str().unwrap().to_owned())
@@ -95,7 +95,7 @@ mod tests {
         assert_eq!(variable("SOFTPLUG_MATRIX").as_deref(), Some("write"));
         assert_eq!(variable("SOFTPLUG_MUTANTS_FILTER").as_deref(), Some("obey"));
         let check = command(Matrix::Check, None);
-        assert!(words(&check).ends_with(&["--".into(), "--nocapture".into()]));
+        assert!(words(&check).ends_with(&["--".into(), "mutants::".into(), "--nocapture".into()]));
         assert!(check.get_envs().all(|(_, value)| value.is_none()));
     }
 }

@@ -1,7 +1,5 @@
 //! The reports that the tests work with: one for each way a run can end.
 
-#![allow(dead_code, reason = "each test program uses some of it")]
-
 use serde_json::Value;
 use softplug_report::{Report, VerdictKind, check, json};
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
 //! Baselines: what is expected to fail must fail, for its reason.
 
-use crate::small::{Small, options, run, small};
+use crate::common::small::{Small, options, run, small};
 use softplug_conformance::certify::{Baseline, BaselineError, CertifyOptions};
 use softplug_report::{CaseResult, Report, VerdictKind};
 use std::path::Path;

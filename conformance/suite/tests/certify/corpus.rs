@@ -1,7 +1,7 @@
 //! Corpora: the one that is compiled in is the one in the repository, and damage has a place.
 
 use crate::common::root;
-use crate::small::{Small, files, plain_ledger, write};
+use crate::common::small::{Small, files, plain_ledger, write};
 use softplug_conformance::{Corpus, CorpusError};
 use std::path::Path;
 
@@ -103,7 +103,7 @@ fn files_that_traces_name_are_part_of_a_corpus() {
     write(folder.path(), "traces/xon-xoff/xon-xoff.a.good.spt", text);
     let verdict = || {
         let corpus = Corpus::read(folder.path()).unwrap_or_else(|error| panic!("{error}"));
-        crate::small::run(&corpus, &crate::small::options())
+        crate::common::small::run(&corpus, &crate::common::small::options())
     };
     let class = verdict().cases[0].failures[0].class.clone();
     assert_eq!(class, "not-applicable");

@@ -1,6 +1,6 @@
 //! What no run has executed is told.
 
-use crate::small::{Small, options, plugin, run, small};
+use crate::common::small::{Small, options, plugin, run, small};
 use softplug_conformance::certify::CertifyOptions;
 use softplug_report::{VerdictKind, check};
 

@@ -1,6 +1,6 @@
 //! Changes of a module: what notices them.
 
-use crate::small::{Small, claiming, plugin, small};
+use crate::common::small::{Small, claiming, plugin, small};
 use softplug_conformance::Corpus;
 use softplug_conformance::score::{ScoreError, ScoreOptions, score};
 use softplug_report::{Score, Shown};

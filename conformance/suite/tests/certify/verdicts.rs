@@ -1,7 +1,7 @@
 //! Each verdict, and each way to be incomplete.
 
 use crate::common::module;
-use crate::small::{Small, claiming, judge, options, patched, plugin, run, small};
+use crate::common::small::{Small, claiming, judge, options, patched, plugin, run, small};
 use softplug_conformance::Corpus;
 use softplug_conformance::certify::{
     ABI, CertifyError, CertifyOptions, Loaded, Progress, certify, observe,

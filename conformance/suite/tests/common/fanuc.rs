@@ -1,5 +1,4 @@
 //! The FANUC plug-in and a simulated control on one line, in virtual time.
-#![allow(dead_code)] // Each test file uses a part of it.
 
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_abi::{Failure, JobId, Micros, ModemLines};

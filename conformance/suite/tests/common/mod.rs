@@ -1,5 +1,8 @@
 //! The reference plug-ins, native and as modules, and where the files are.
-#![allow(dead_code)] // Each test file uses a part of it.
+
+pub(crate) mod fanuc;
+pub(crate) mod pair;
+pub(crate) mod small;
 
 use softplug_abi::manifest::Manifest;
 use softplug_conformance::{Case, Corpus, FromFn, Judge, Sandboxed};

@@ -1,6 +1,6 @@
 //! Two ends of a line in virtual time, and a plug-in with its host as one of
 //! them.
-#![allow(dead_code)] // Each test file uses a part of it.
+#![allow(dead_code, reason = "loops and random partners each need a part of it")]
 
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Failure, JobId, Micros, RequestId};

@@ -4,8 +4,8 @@ use softplug_abi::{Failure, LineErrorKind, Micros, Value, Values};
 use softplug_link::Observed;
 use softplug_machines::fanuc::{Dc4, Options, Press, PunchOptions};
 
-use crate::fanuc::{Bench, Settings, codings, program, text_of};
-use crate::{EOBS, SECOND, small};
+use crate::common::fanuc::{Bench, Settings, codings, program, text_of};
+use crate::fanuc_loop::{EOBS, SECOND, small};
 
 #[test]
 fn a_punch_in_every_form_is_captured_as_it_was() {

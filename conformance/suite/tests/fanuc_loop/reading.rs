@@ -3,8 +3,8 @@
 use softplug_abi::{Failure, JobId, Micros};
 use softplug_machines::fanuc::{Eob, Options, Press, TvCheck, seven_even_two};
 
-use crate::fanuc::{Bench, Settings, codings, program, text_of};
-use crate::{EOBS, SECOND, small};
+use crate::common::fanuc::{Bench, Settings, codings, program, text_of};
+use crate::fanuc_loop::{EOBS, SECOND, small};
 
 /// Sends it to a control that waits for it; all must be well.
 fn assert_reads(settings: Settings<'_>, control: Options, depth: usize, program: &str) {

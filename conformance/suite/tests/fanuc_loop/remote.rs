@@ -5,8 +5,8 @@ use softplug_machines::fanuc::{
     Interface, Options, Parity, Press, RemoteOptions, eight_none_two, seven_even_two,
 };
 
-use crate::SECOND;
-use crate::fanuc::{Bench, Settings, program, text_of};
+use crate::common::fanuc::{Bench, Settings, program, text_of};
+use crate::fanuc_loop::SECOND;
 
 fn remote_a(remote: RemoteOptions) -> Options {
     Options {

@@ -10,7 +10,7 @@ use softplug_machines::r3964::rk512::{
 use softplug_machines::r3964::{Noise, Noisy};
 
 use super::{LONG, blocks, plugin, random};
-use crate::pair::{Asked, Pair, PluginEnd};
+use crate::common::pair::{Asked, Pair, PluginEnd};
 
 const WRITE: u16 = 1;
 const READ: u16 = 2;

@@ -1,5 +1,4 @@
 //! A reactor of native XON/XOFF plug-ins on ptys.
-#![allow(unreachable_pub, dead_code)]
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -24,15 +23,15 @@ use softplug_live::{PortOptions, PortSpec};
 use softplug_native::{NativeInstance, NativePlugin};
 
 /// After so long a report that does not come fails the test.
-pub const PATIENCE: Duration = Duration::from_secs(20);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A reactor, its reports, and the far ends of its lanes.
-pub struct Bench {
-    pub reactor: Reactor<NativeInstance>,
+pub(crate) struct Bench {
+    pub(crate) reactor: Reactor<NativeInstance>,
     reports: Receiver<(LaneId, Report)>,
     /// Reports that were not asked for yet.
     early: Vec<(LaneId, Report)>,
-    pub machines: HashMap<LaneId, PtyPair>,
+    pub(crate) machines: HashMap<LaneId, PtyPair>,
     added: u32,
 }
 
@@ -43,12 +42,12 @@ impl std::fmt::Debug for Bench {
 }
 
 impl Bench {
-    pub fn start() -> Self {
+    pub(crate) fn start() -> Self {
         Self::start_with(ReactorOptions::default().links_per_thread)
     }
 
     /// With so many lanes for each thread.
-    pub fn start_with(links_per_thread: usize) -> Self {
+    pub(crate) fn start_with(links_per_thread: usize) -> Self {
         let (sender, reports) = channel();
         let options = ReactorOptions { links_per_thread, ..ReactorOptions::default() };
         let reactor = Reactor::start(options, move |lane, report| {
@@ -59,12 +58,12 @@ impl Bench {
     }
 
     /// A lane on a new pty.
-    pub fn add(&mut self, baud: u32) -> LaneId {
+    pub(crate) fn add(&mut self, baud: u32) -> LaneId {
         self.add_with(baud, |_| {})
     }
 
     /// Adds a lane that is set up otherwise.
-    pub fn add_with(
+    pub(crate) fn add_with(
         &mut self,
         baud: u32,
         change: impl FnOnce(&mut LaneSetup<NativeInstance>),
@@ -73,14 +72,14 @@ impl Bench {
     }
 
     /// A lane that works.
-    pub fn add_up(&mut self, baud: u32) -> LaneId {
+    pub(crate) fn add_up(&mut self, baud: u32) -> LaneId {
         let lane = self.add(baud);
         self.wait_for(lane, |report| matches!(report, Report::Up));
         lane
     }
 
     /// A lane on this pty.
-    pub fn add_on(
+    pub(crate) fn add_on(
         &mut self,
         machine: PtyPair,
         baud: u32,
@@ -96,7 +95,7 @@ impl Bench {
     }
 
     /// The next report of the lane that `is_it` says yes to.
-    pub fn wait_for(&mut self, lane: LaneId, is_it: impl Fn(&Report) -> bool) -> Report {
+    pub(crate) fn wait_for(&mut self, lane: LaneId, is_it: impl Fn(&Report) -> bool) -> Report {
         if let Some(at) = self.early.iter().position(|(id, report)| *id == lane && is_it(report)) {
             return self.early.remove(at).1;
         }
@@ -113,7 +112,7 @@ impl Bench {
     }
 
     /// Begins a job with all its data there.
-    pub fn send(&mut self, lane: LaneId, job: JobId, data: &[u8]) {
+    pub(crate) fn send(&mut self, lane: LaneId, job: JobId, data: &[u8]) {
         let (mut writer, source) = reservoir(data.len(), 0, data.len());
         assert_eq!(writer.write(data), data.len());
         writer.finish();
@@ -121,19 +120,19 @@ impl Bench {
         self.reactor.tell(lane, Command::Begin(Feed { job, source }));
     }
 
-    pub fn end_of_job(&mut self, lane: LaneId) -> JobEnd {
+    pub(crate) fn end_of_job(&mut self, lane: LaneId) -> JobEnd {
         let end = self.wait_for(lane, |report| matches!(report, Report::JobEnded(_)));
         let Report::JobEnded(end) = end else { unreachable!() };
         end
     }
 
     /// What the machine gets, exactly so many bytes.
-    pub fn read_from_machine(&self, lane: LaneId, count: usize) -> Vec<u8> {
+    pub(crate) fn read_from_machine(&self, lane: LaneId, count: usize) -> Vec<u8> {
         read_exactly(&self.machines[&lane], count)
     }
 
     /// Waits until the lane's figures are so.
-    pub fn until(&self, lane: LaneId, is_so: impl Fn(&LaneFigures) -> bool) {
+    pub(crate) fn until(&self, lane: LaneId, is_so: impl Fn(&LaneFigures) -> bool) {
         let end = Instant::now() + PATIENCE;
         while !is_so(&self.figures(lane)) {
             assert!(Instant::now() < end, "it never came to that: {:?}", self.figures(lane));
@@ -141,16 +140,16 @@ impl Bench {
         }
     }
 
-    pub fn figures(&self, lane: LaneId) -> LaneFigures {
+    pub(crate) fn figures(&self, lane: LaneId) -> LaneFigures {
         self.reactor.status(lane).unwrap().read()
     }
 }
 
-pub fn job(id: u32, size: Option<u64>) -> Job {
+pub(crate) fn job(id: u32, size: Option<u64>) -> Job {
     Job { id: JobId(id), kind: 0, size, fields: Vec::new(), check: false }
 }
 
-pub fn setup(port: PortSpec, baud: u32) -> LaneSetup<NativeInstance> {
+pub(crate) fn setup(port: PortSpec, baud: u32) -> LaneSetup<NativeInstance> {
     LaneSetup {
         port,
         port_options: PortOptions::new(LineParameters::new(baud)),
@@ -163,12 +162,12 @@ pub fn setup(port: PortSpec, baud: u32) -> LaneSetup<NativeInstance> {
     }
 }
 
-pub fn settings(asked: &[(&str, &str)]) -> SettingValues {
+pub(crate) fn settings(asked: &[(&str, &str)]) -> SettingValues {
     let manifest = Manifest::parse(NativePlugin::XonXoff.manifest().as_bytes()).unwrap();
     manifest.resolve_settings(asked.iter().copied()).unwrap()
 }
 
-pub fn read_exactly(machine: &PtyPair, count: usize) -> Vec<u8> {
+pub(crate) fn read_exactly(machine: &PtyPair, count: usize) -> Vec<u8> {
     let mut master = File::from(machine.master().as_fd().try_clone_to_owned().unwrap());
     let mut received = vec![0; count];
     let mut at = 0;
@@ -184,7 +183,7 @@ pub fn read_exactly(machine: &PtyPair, count: usize) -> Vec<u8> {
 }
 
 /// Writes all, as fast as it is taken.
-pub fn write_all(machine: &PtyPair, bytes: &[u8]) {
+pub(crate) fn write_all(machine: &PtyPair, bytes: &[u8]) {
     let mut at = 0;
     while at < bytes.len() {
         let _ = poll(&mut [PollFd::new(machine.master(), PollFlags::OUT)], None);
@@ -193,6 +192,6 @@ pub fn write_all(machine: &PtyPair, bytes: &[u8]) {
 }
 
 /// A program of so many bytes, no two blocks alike.
-pub fn program(bytes: usize) -> Vec<u8> {
+pub(crate) fn program(bytes: usize) -> Vec<u8> {
     (0..).flat_map(|n| format!("N{n:05} G1 X{}\n", n % 97).into_bytes()).take(bytes).collect()
 }

@@ -4,7 +4,7 @@ use softplug_abi::{Event, Instance, Micros, Output};
 
 /// An instance that traps at a certain event, counted from its opening.
 #[derive(Debug)]
-pub struct Fragile<I> {
+pub(crate) struct Fragile<I> {
     inner: I,
     fails_at: Option<u32>,
     events: u32,
@@ -13,7 +13,7 @@ pub struct Fragile<I> {
 
 /// Why it did not take an event.
 #[derive(Debug, thiserror::Error)]
-pub enum Broken<F: std::error::Error + 'static> {
+pub(crate) enum Broken<F: std::error::Error + 'static> {
     #[error("it was made to fail here")]
     Here,
     #[error(transparent)]
@@ -21,11 +21,11 @@ pub enum Broken<F: std::error::Error + 'static> {
 }
 
 impl<I> Fragile<I> {
-    pub fn new(inner: I, fails_at: Option<u32>) -> Self {
+    pub(crate) fn new(inner: I, fails_at: Option<u32>) -> Self {
         Self { inner, fails_at, events: 0, has_failed: false }
     }
 
-    pub fn sound(inner: I) -> Self {
+    pub(crate) fn sound(inner: I) -> Self {
         Self::new(inner, None)
     }
 }

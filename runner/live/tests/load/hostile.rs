@@ -4,7 +4,7 @@ use softplug_host::{Host, HostOptions, Plugin, Session};
 
 /// What each does with what it receives, its place among the hostile, and what is
 /// said of it then.
-pub const HOSTILE: [(&str, &str); 4] = [
+pub(crate) const HOSTILE: [(&str, &str); 4] = [
     (
         r"(i32.store (i32.const 64) (i32.const 4)) (i32.store (i32.const 68) (i32.const 0x65696c20))
         unreachable",
@@ -16,13 +16,13 @@ pub const HOSTILE: [(&str, &str); 4] = [
 ];
 
 /// The plug-ins, loaded.
-pub struct Guests {
+pub(crate) struct Guests {
     echo: Plugin,
     hostile: Vec<Plugin>,
 }
 
 impl Guests {
-    pub fn load(instances: u32) -> Self {
+    pub(crate) fn load(instances: u32) -> Self {
         let host = Host::new(HostOptions { instances, ..HostOptions::default() }).unwrap();
         let load = |text: &str| host.load_bytes(&wat::parse_str(text).unwrap()).unwrap();
         let echo = load(include_str!("../../../../fixtures/abi/echo.wat"));
@@ -30,11 +30,11 @@ impl Guests {
         Self { echo, hostile }
     }
 
-    pub fn echo(&self) -> Session {
+    pub(crate) fn echo(&self) -> Session {
         self.echo.instantiate().unwrap()
     }
 
-    pub fn hostile(&self, kind: usize) -> Session {
+    pub(crate) fn hostile(&self, kind: usize) -> Session {
         self.hostile[kind % HOSTILE.len()].instantiate().unwrap()
     }
 }

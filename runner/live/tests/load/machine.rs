@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use softplug_live::ReadOutcome;
 use softplug_live::pty::PtyPair;
 
-pub const XON: u8 = 0x11;
-pub const XOFF: u8 = 0x13;
+pub(crate) const XON: u8 = 0x11;
+pub(crate) const XOFF: u8 = 0x13;
 /// A machine holds for so long, so often.
 const HOLD: Duration = Duration::from_millis(15);
 const HOLD_EVERY: Duration = Duration::from_millis(400);
@@ -17,7 +17,7 @@ const HOLD_EVERY: Duration = Duration::from_millis(400);
 const PORTION: usize = 16;
 
 /// One machine: takes a program, sends another one, holds now and then.
-pub struct Machine {
+pub(crate) struct Machine {
     pty: PtyPair,
     /// What it is to send, and how much it has.
     data: Vec<u8>,
@@ -31,17 +31,17 @@ pub struct Machine {
     /// `None`: it never holds.
     next_hold: Option<Instant>,
     /// All that came but the control characters.
-    pub received: Vec<u8>,
+    pub(crate) received: Vec<u8>,
 }
 
 /// Letters and digits of which no two stretches of 600 are alike.
-pub fn pattern(seed: u32, bytes: usize) -> Vec<u8> {
+pub(crate) fn pattern(seed: u32, bytes: usize) -> Vec<u8> {
     (0..).flat_map(|n: u32| format!("{seed:03}N{n:05}X").into_bytes()).take(bytes).collect()
 }
 
 impl Machine {
     /// Sends `data` at so many characters a second.
-    pub fn new(pty: PtyPair, data: Vec<u8>, characters: u32) -> Self {
+    pub(crate) fn new(pty: PtyPair, data: Vec<u8>, characters: u32) -> Self {
         Self {
             pty,
             data,
@@ -56,13 +56,13 @@ impl Machine {
     }
 
     /// A machine that knows no flow control.
-    pub fn without_holds(self) -> Self {
+    pub(crate) fn without_holds(self) -> Self {
         Self { next_hold: None, ..self }
     }
 
     /// Runs all of them until `stop`, and then until nothing more comes; gives them
     /// back.
-    pub fn run_all(mut machines: Vec<Self>, stop: Arc<AtomicBool>) -> JoinHandle<Vec<Self>> {
+    pub(crate) fn run_all(mut machines: Vec<Self>, stop: Arc<AtomicBool>) -> JoinHandle<Vec<Self>> {
         thread::spawn(move || {
             loop {
                 let is_last = stop.load(Ordering::Relaxed);

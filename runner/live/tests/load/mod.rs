@@ -1,14 +1,13 @@
 //! Many links under load both ways, machines that hold now and then, and swaps in
 //! the middle of it.
-#![allow(unreachable_pub, dead_code, unused_imports)]
 
 mod fragile;
 mod hostile;
 mod machine;
 
-pub use fragile::Fragile;
-pub use hostile::{Guests, HOSTILE};
-pub use machine::{Machine, XOFF, XON, pattern};
+pub(crate) use fragile::Fragile;
+pub(crate) use hostile::{Guests, HOSTILE};
+pub(crate) use machine::{Machine, XOFF, XON, pattern};
 
 use std::collections::HashMap;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -27,17 +26,17 @@ use softplug_live::reservoir::{Drawn, ReservoirReader, reservoir};
 use softplug_live::{PortOptions, PortSpec};
 
 /// Without any report for so long, the load stands still.
-pub const PATIENCE: Duration = Duration::from_mins(1);
+pub(crate) const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Characters in flight at most: with fewer, a thread that drives many saturated
 /// links wakes too often.
 const DEPTH: u32 = 16;
 
 /// Links under load.
-pub struct Load<I: Instance> {
-    pub reactor: Reactor<Fragile<I>>,
+pub(crate) struct Load<I: Instance> {
+    pub(crate) reactor: Reactor<Fragile<I>>,
     reports: Receiver<(LaneId, Report)>,
-    pub lanes: HashMap<LaneId, Lane>,
+    pub(crate) lanes: HashMap<LaneId, Lane>,
     make: Box<dyn Fn() -> I>,
     settings: SettingValues,
     recorder_bytes: usize,
@@ -45,20 +44,20 @@ pub struct Load<I: Instance> {
 
 /// What the host has seen of one link.
 #[derive(Default)]
-pub struct Lane {
+pub(crate) struct Lane {
     /// Deliveries, as they come.
     readers: Vec<ReservoirReader>,
-    pub delivered: Vec<u8>,
-    pub job: Option<JobOutcome>,
-    pub faults: Vec<softplug_live::reactor::LaneFault>,
+    pub(crate) delivered: Vec<u8>,
+    pub(crate) job: Option<JobOutcome>,
+    pub(crate) faults: Vec<softplug_live::reactor::LaneFault>,
     /// Swaps that were asked for, and what came of each.
-    pub swaps: Vec<SwapReport>,
+    pub(crate) swaps: Vec<SwapReport>,
     is_swapping: bool,
     is_up: bool,
 }
 
 impl<I: LaneInstance> Load<I> {
-    pub fn new(
+    pub(crate) fn new(
         settings: SettingValues,
         recorder_bytes: usize,
         make: impl Fn() -> I + 'static,
@@ -73,13 +72,13 @@ impl<I: LaneInstance> Load<I> {
     }
 
     /// A link with a machine on it; returns the machine's end.
-    pub fn add(&mut self, baud: u32) -> (LaneId, PtyPair) {
+    pub(crate) fn add(&mut self, baud: u32) -> (LaneId, PtyPair) {
         let instance = Fragile::sound((self.make)());
         self.add_plugin(baud, instance, self.settings.clone())
     }
 
     /// Adds a lane with another plug-in.
-    pub fn add_plugin(
+    pub(crate) fn add_plugin(
         &mut self,
         baud: u32,
         instance: Fragile<I>,
@@ -89,7 +88,7 @@ impl<I: LaneInstance> Load<I> {
     }
 
     /// Adds a lane with another plug-in that is set up otherwise.
-    pub fn add_with(
+    pub(crate) fn add_with(
         &mut self,
         baud: u32,
         instance: Fragile<I>,
@@ -114,12 +113,12 @@ impl<I: LaneInstance> Load<I> {
         (id, machine)
     }
 
-    pub fn wait_until_up(&mut self) {
+    pub(crate) fn wait_until_up(&mut self) {
         self.attend(|lanes| lanes.values().all(|lane| lane.is_up));
     }
 
     /// Begins a job of which all data is there.
-    pub fn begin(&mut self, lane: LaneId, data: &[u8]) {
+    pub(crate) fn begin(&mut self, lane: LaneId, data: &[u8]) {
         let (mut writer, source) = reservoir(data.len(), 0, data.len());
         assert_eq!(writer.write(data), data.len());
         writer.finish();
@@ -130,7 +129,7 @@ impl<I: LaneInstance> Load<I> {
 
     /// Swaps the plug-in for a fresh instance of itself, which fails at that event
     /// if it is on probation.
-    pub fn swap(&mut self, lane: LaneId, on_probation: bool, fails_at: Option<u32>) {
+    pub(crate) fn swap(&mut self, lane: LaneId, on_probation: bool, fails_at: Option<u32>) {
         let accepts = vec![1];
         let spare = on_probation
             .then(|| Spare { instance: Fragile::sound((self.make)()), accepts: accepts.clone() });
@@ -146,7 +145,7 @@ impl<I: LaneInstance> Load<I> {
     }
 
     /// Swaps for a plug-in that accepts these formats only.
-    pub fn swap_as(&mut self, lane: LaneId, accepts: Vec<u16>, when: When) {
+    pub(crate) fn swap_as(&mut self, lane: LaneId, accepts: Vec<u16>, when: When) {
         let instance = Fragile::sound((self.make)());
         let settings = self.settings.clone();
         let successor = Successor { instance, settings, accepts, spare: None };
@@ -154,17 +153,17 @@ impl<I: LaneInstance> Load<I> {
         self.reactor.tell(lane, Command::Swap(swap));
     }
 
-    pub fn is_swapping(&self, lane: LaneId) -> bool {
+    pub(crate) fn is_swapping(&self, lane: LaneId) -> bool {
         self.lanes[&lane].is_swapping
     }
 
     /// Puts a fresh plug-in in the place of one that has ended.
-    pub fn replace(&mut self, lane: LaneId, instance: Fragile<I>, settings: SettingValues) {
+    pub(crate) fn replace(&mut self, lane: LaneId, instance: Fragile<I>, settings: SettingValues) {
         self.reactor.tell(lane, Command::Replace { instance, settings });
     }
 
     /// Takes reports and deliveries until `is_done`.
-    pub fn attend(&mut self, mut is_done: impl FnMut(&HashMap<LaneId, Lane>) -> bool) {
+    pub(crate) fn attend(&mut self, mut is_done: impl FnMut(&HashMap<LaneId, Lane>) -> bool) {
         let mut last = Instant::now();
         loop {
             if self.look() {
@@ -178,7 +177,7 @@ impl<I: LaneInstance> Load<I> {
     }
 
     /// Takes reports until the lane's figures are so.
-    pub fn until(&mut self, lane: LaneId, is_so: impl Fn(&LaneFigures) -> bool) {
+    pub(crate) fn until(&mut self, lane: LaneId, is_so: impl Fn(&LaneFigures) -> bool) {
         let end = Instant::now() + PATIENCE;
         let status = self.reactor.status(lane).unwrap();
         while !is_so(&status.read()) {
@@ -188,7 +187,7 @@ impl<I: LaneInstance> Load<I> {
     }
 
     /// Takes what there is; whether there was anything.
-    pub fn look(&mut self) -> bool {
+    pub(crate) fn look(&mut self) -> bool {
         let mut was_anything = false;
         match self.reports.recv_timeout(Duration::from_millis(2)) {
             Ok((id, report)) => {

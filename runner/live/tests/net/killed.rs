@@ -3,7 +3,7 @@
 use softplug_abi::{Failure, JobId, LinkDownReason};
 use softplug_live::reactor::{LaneId, Report};
 
-use super::lanes::{Bench, program};
+use crate::lanes::{Bench, program};
 
 /// What the test does with its server.
 pub(crate) trait Server {

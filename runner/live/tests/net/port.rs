@@ -1,5 +1,4 @@
 //! Driving a port of a device server without a station.
-#![allow(dead_code, reason = "not every test that has it needs all of it")]
 
 use softplug_abi::{LineErrorKind, LineParameters, LinkDownReason, Micros};
 use softplug_live::clock::Clock;

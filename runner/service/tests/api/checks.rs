@@ -10,7 +10,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use softplug_service::library::Library;
 
-use crate::bench::{Bench, blocks, plugins};
+use crate::common::bench::{Bench, blocks, plugins};
 
 /// A plug-in that does this when its job begins, and at each timer.
 fn tried(name: &str, how: &str) -> Vec<u8> {

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::json;
 
-use crate::bench::Bench;
+use crate::common::bench::Bench;
 
 /// A program of so many blocks.
 fn program(blocks: usize) -> Vec<u8> {

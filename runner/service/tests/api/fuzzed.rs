@@ -3,7 +3,7 @@
 mod needs_schemathesis {
     use std::process::Command;
 
-    use crate::bench::Bench;
+    use crate::common::bench::Bench;
 
     /// Streams never end; a feed holds its link.
     const ENDLESS: &str = "/(events|watch|feed)$";

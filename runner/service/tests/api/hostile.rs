@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
-use crate::bench::Bench;
+use crate::common::bench::Bench;
 
 /// All files below a folder, with their lengths.
 fn files(folder: &Path) -> Vec<(String, u64)> {

@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::{Value, json};
 
-use crate::bench::{Bench, blocks};
+use crate::common::bench::{Bench, blocks};
 
 /// Numbers in a list, by this field.
 fn numbers(list: &Value, field: &str) -> Vec<u64> {

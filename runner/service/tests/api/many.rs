@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use redb::{Database, TableDefinition};
 use serde_json::json;
 
-use crate::bench::Bench;
+use crate::common::bench::Bench;
 
 const CLIENTS: usize = 16;
 const JOBS: u32 = 20_000;

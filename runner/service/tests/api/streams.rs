@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::bench::Bench;
+use crate::common::bench::Bench;
 
 /// Begins to listen; gives what is sent, event by event.
 fn listen(bench: &Bench, path: &str) -> BufReader<TcpStream> {

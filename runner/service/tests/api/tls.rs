@@ -8,7 +8,7 @@ use softplug_service::http::Certificate;
 use ureq::tls::{RootCerts, TlsConfig};
 use ureq::{Agent, tls};
 
-use crate::bench::Bench;
+use crate::common::bench::Bench;
 
 /// A gateway with a certificate for `localhost`, and that certificate.
 fn secured() -> (Bench, String) {

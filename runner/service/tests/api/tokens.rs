@@ -1,6 +1,6 @@
 //! Who is let in, and how far.
 
-use crate::bench::Bench;
+use crate::common::bench::Bench;
 
 /// What is asked of the API, and whether it is an admin's.
 const OPERATIONS: [(&str, &str, bool); 16] = [

@@ -1,5 +1,4 @@
 //! A gateway with simulated machines, and its API.
-#![allow(dead_code, reason = "shared by several tests")]
 
 use std::fmt::Write as _;
 use std::fs;

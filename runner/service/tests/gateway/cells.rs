@@ -11,8 +11,8 @@ use softplug_service::view::{
     CellChannelState, CellMode, CellView, JobFilter, JobOrder, JobState, LinkState,
 };
 
-use crate::shop::{Shop, wait_for};
-use crate::{journal_says, send};
+use crate::gateway::shop::{Shop, wait_for};
+use crate::gateway::{journal_says, send};
 
 const LINE: &str = "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n";
 /// Longer than it takes until something has left that should not.

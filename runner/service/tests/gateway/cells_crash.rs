@@ -19,7 +19,7 @@ use softplug_service::gateway::{Gateway, Running, start};
 use softplug_service::library::Library;
 use softplug_service::view::{CellChannelState, JobFilter, JobOrder, JobState};
 
-use crate::shop::{plugins, wait_for};
+use crate::gateway::shop::{plugins, wait_for};
 
 const FOLDER: &str = "SOFTPLUG_CELL_FOLDER";
 /// What the child does: `stand` sends a program up to its mark, `pause` has it pause then, `serve` only runs.
@@ -348,7 +348,7 @@ impl Killed {
 
     fn doing(folder: &Path, test: &str, what: &str) -> Self {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", &format!("cells_crash::{test}"), "--nocapture"]);
+        command.args(["--exact", &format!("gateway::cells_crash::{test}"), "--nocapture"]);
         let command = command.env(FOLDER, folder).env(DOES, what);
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut said = BufReader::new(child.stdout.take().unwrap()).lines();

@@ -16,8 +16,8 @@ use softplug_service::view::{
     DropView, JobFilter, JobOrigin, JobState, JobView, JournalFilter, StopHow,
 };
 
-use crate::journal_says;
-use crate::shop::{Shop, wait_for};
+use crate::gateway::journal_says;
+use crate::gateway::shop::{Shop, wait_for};
 
 /// Longer than some looks take: what has not happened by then does not happen.
 const A_WHILE: Duration = Duration::from_millis(700);

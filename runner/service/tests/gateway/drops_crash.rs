@@ -17,10 +17,10 @@ use softplug_service::gateway::start;
 use softplug_service::jobs::{JobFilter, Jobs, Keep, Origin};
 use softplug_service::library::Library;
 
-use crate::shop::{plugins, wait_for};
+use crate::gateway::shop::{plugins, wait_for};
 
 const FOLDER: &str = "SOFTPLUG_DROP_FOLDER";
-const TEST: &str = "drops_crash::a_killed_gateway_makes_one_job_of_each_file";
+const TEST: &str = "gateway::drops_crash::a_killed_gateway_makes_one_job_of_each_file";
 /// Files that come for each kill.
 const FILES: usize = 12;
 

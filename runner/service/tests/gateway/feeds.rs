@@ -7,7 +7,7 @@ use std::net::{TcpListener, TcpStream};
 
 use softplug_service::view::{JobOrder, JobState};
 
-use crate::shop::{Shop, wait_for};
+use crate::gateway::shop::{Shop, wait_for};
 
 fn named(name: &str) -> JobOrder {
     JobOrder { program: Some(name.to_owned()), ..JobOrder::default() }

@@ -8,8 +8,8 @@ use softplug_service::gateway::{self, StartError};
 use softplug_service::library::Library;
 use softplug_service::view::LinkState;
 
-use crate::journal_says;
-use crate::shop::{Shop, plugins, wait_for};
+use crate::gateway::journal_says;
+use crate::gateway::shop::{Shop, plugins, wait_for};
 
 /// Problems, or remarks, of a configuration with these links.
 fn checked(links: &str) -> (Vec<String>, bool) {

@@ -10,7 +10,7 @@ use softplug_machines::Partner;
 use softplug_machines::fanuc::{Control, Options, eight_none_two};
 use softplug_machines::r3964::rk512::{self, Computer};
 
-use crate::shop::HANG;
+use crate::gateway::shop::HANG;
 
 type Command<P> = Box<dyn FnOnce(Micros, &mut P) + Send>;
 

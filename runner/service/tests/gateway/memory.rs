@@ -8,8 +8,8 @@ use softplug_machines::r3964::rk512::{Area, Computer, Trouble};
 use softplug_service::Gateway;
 use softplug_service::view::{JobOrder, JobState, JobView};
 
-use crate::machine::Machine;
-use crate::shop::{Shop, wait_for};
+use crate::gateway::machine::Machine;
+use crate::gateway::shop::{Shop, wait_for};
 
 const LINES: &str = "plugin = \"r3964\"\nline = \"115200 8N1\"\nsettings = { layer = \"rk512\" }\n";
 

@@ -11,8 +11,8 @@ use softplug_service::view::{
     JobFilter, JobOrder, JobOrigin, JobState, JournalFilter, JournalKind,
 };
 
-use crate::machine::Machine;
-use crate::shop::{Shop, wait_for};
+use crate::gateway::machine::Machine;
+use crate::gateway::shop::{Shop, wait_for};
 
 /// A block of a job is a line of its program, whatever the plug-in counts: none is left out.
 #[test]

@@ -11,8 +11,8 @@ use softplug_service::view::{
     JobState, LinkState, ReceptionView, StopHow, SwapOrder, SwapState, SwapWhen,
 };
 
-use crate::shop::{Shop, wait_for};
-use crate::{journal_says, send};
+use crate::gateway::shop::{Shop, wait_for};
+use crate::gateway::{journal_says, send};
 
 /// What a link may have in a delivery that is not put away, by default.
 const DELIVERY_ROOM: u64 = 16_384;

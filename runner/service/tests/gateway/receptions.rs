@@ -7,8 +7,8 @@ use softplug_service::jobs::{Jobs, Keep};
 use softplug_service::programs::Receptions;
 use softplug_service::view::{JobFilter, JobState, ReceptionView, StopHow};
 
-use crate::send;
-use crate::shop::{Shop, wait_for};
+use crate::gateway::send;
+use crate::gateway::shop::{Shop, wait_for};
 
 #[test]
 fn what_a_machine_sends_is_kept_in_versions_compared_and_never_overwritten() {

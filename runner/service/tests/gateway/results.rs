@@ -9,8 +9,8 @@ use softplug_service::view::{
     Change, JobFilter, JobProgress, JobState, LinkState, LinkView, StopHow,
 };
 
-use crate::shop::{Shop, wait_for};
-use crate::{journal_says, send};
+use crate::gateway::shop::{Shop, wait_for};
+use crate::gateway::{journal_says, send};
 
 const XON_XOFF: &str = "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n";
 

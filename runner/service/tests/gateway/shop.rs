@@ -15,8 +15,8 @@ use softplug_service::library::Library;
 use softplug_service::view::{LinkState, StopHow};
 use tempfile::TempDir;
 
-use crate::machine::Machine;
-use crate::plugins::{flood, fragile};
+use crate::gateway::machine::Machine;
+use crate::gateway::plugins::{flood, fragile};
 
 /// Longer than anything here takes; only a hang gets there.
 pub(crate) const HANG: Duration = Duration::from_mins(2);

@@ -4,8 +4,8 @@ use softplug_abi::JobId;
 use softplug_service::Refusal;
 use softplug_service::view::{JobState, StopHow};
 
-use crate::shop::{Shop, wait_for};
-use crate::{journal_says, send};
+use crate::gateway::shop::{Shop, wait_for};
+use crate::gateway::{journal_says, send};
 
 const LINES: &str = "plugin = \"xon-xoff\"\nline = \"115200 8N1\"\n";
 

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 
 use softplug_service::view::{LinkState, SwapOrder, SwapState, SwapView, SwapWhen};
 
-use crate::echo::echo;
-use crate::plugins::fragile;
-use crate::shop::{Shop, wait_for};
-use crate::{journal_says, send};
+use crate::common::plugins::echo;
+use crate::gateway::plugins::fragile;
+use crate::gateway::shop::{Shop, wait_for};
+use crate::gateway::{journal_says, send};
 
 fn swap(shop: &Shop, plugin: &str, when: SwapWhen, settings: &[(&str, &str)]) -> SwapView {
     let pairs = settings.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
@@ -110,7 +110,7 @@ fn a_version_that_refuses_the_state_is_trouble_and_is_tried_again_when_asked() {
     let shop = Shop::with(1, "plugin = \"fragile@1.0.0\"\nline = \"921600 8N1\"\n");
     let gateway = shop.gateway();
     let view = || gateway.link("link-0").unwrap();
-    gateway.add_plugin(&crate::plugins::refusing("2.0.0")).unwrap();
+    gateway.add_plugin(&crate::gateway::plugins::refusing("2.0.0")).unwrap();
     shop.configure(|text| text.replace("fragile@1.0.0", "fragile@2.0.0"));
     gateway.reload().unwrap();
     wait_for("the trouble", || view().unapplied.is_some());

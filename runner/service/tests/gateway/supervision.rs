@@ -4,9 +4,9 @@ use std::fs;
 
 use softplug_service::view::{LinkState, SwapState};
 
-use crate::journal_says;
-use crate::plugins::fragile;
-use crate::shop::{Shop, wait_for};
+use crate::gateway::journal_says;
+use crate::gateway::plugins::fragile;
+use crate::gateway::shop::{Shop, wait_for};
 
 #[test]
 fn a_plug_in_that_traps_too_often_is_left_alone_until_somebody_releases_it() {

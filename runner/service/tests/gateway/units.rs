@@ -16,9 +16,9 @@ use softplug_service::view::{
 use softplug_unit::{Stop, Unit, UnitConfig};
 use tempfile::TempDir;
 
-use crate::machine::Machine;
-use crate::shop::{Shop, wait_for};
-use crate::{journal_says, memory, send};
+use crate::gateway::machine::Machine;
+use crate::gateway::shop::{Shop, wait_for};
+use crate::gateway::{journal_says, memory, send};
 
 /// A unit with one link, in this process.
 struct TestUnit {

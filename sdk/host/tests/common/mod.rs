@@ -1,5 +1,4 @@
 //! Guests made for one test each, from a template that keeps every rule.
-#![allow(dead_code, reason = "each test file uses its part")]
 
 use softplug_host::{EngineKind, Host, HostOptions, LoadError, Plugin, Session};
 use std::fmt::Write;

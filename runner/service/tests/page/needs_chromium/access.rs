@@ -4,8 +4,8 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::bench::{Bench, blocks};
-use crate::browser::Browser;
+use crate::common::bench::{Bench, blocks};
+use crate::page::browser::Browser;
 
 /// Where the page's pinned tools are, as .ci/run puts them.
 const AXE: &str = concat!(

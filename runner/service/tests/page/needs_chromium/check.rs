@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use softplug_service::library::Library;
 
 use super::access::{axe, violations};
-use crate::bench::{Bench, plugins};
-use crate::browser::Browser;
+use crate::common::bench::{Bench, plugins};
+use crate::page::browser::Browser;
 
 /// Umlauts, a tab and small letters.
 const ODD: &str = "%\nO7 (Gr\u{f6}\u{df}e)\nG0\tX1\nM30\n%\n";

@@ -7,8 +7,8 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use serde_json::{Value, json};
 
-use crate::bench::Bench;
-use crate::browser::Browser;
+use crate::common::bench::Bench;
+use crate::page::browser::Browser;
 
 /// The reader in a browser.
 struct Reader {

@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use crate::bench::Bench;
-use crate::browser::Browser;
+use crate::common::bench::Bench;
+use crate::page::browser::Browser;
 
 /// A ring: a spindle, a way to the work, a cylinder and a quarter of a circle.
 const RING: &[u8] = b"G91 S20 T1 M3\nG00 X-12 Z-5\nG01 X-4 Z-20 F900\nG02 X20 Z-10 I10 F900\nM30\n";

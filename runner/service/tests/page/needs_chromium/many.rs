@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::shop::Shop;
-use crate::bench::blocks;
+use crate::common::bench::blocks;
 
 /// Counts, for each row that is changed, whether it was near the window.
 const OBSERVE: &str = "(() => { window.touched = new Set(); window.far = 0; \

@@ -6,9 +6,9 @@ use std::fs;
 
 use serde_json::{Value, json};
 
-use crate::bench::Bench;
-use crate::browser::Browser;
-use crate::picture::Picture;
+use crate::common::bench::Bench;
+use crate::page::browser::Browser;
+use crate::page::picture::Picture;
 
 /// A square with round corners and a hole, and a cycle that is not drawn.
 const PLATE: &str = "%\r\nO7 (PLATE)\r\nG21 G17 G90\r\nG0 X0. Y10. Z5.\r\nG1 Z-2. F300\r\n\

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::access::{axe, violations};
 use super::shop::{LINKS, Shop};
-use crate::plugins::fragile;
+use crate::gateway::plugins::fragile;
 
 const PHONE: (u32, u32) = (390, 844);
 const DESK: (u32, u32) = (1280, 900);

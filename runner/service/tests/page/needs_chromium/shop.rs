@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use softplug_service::library::Library;
 
-use crate::bench::Bench;
-use crate::browser::Browser;
-use crate::machine::Machine;
-use crate::picture::Picture;
-use crate::plugins::fragile;
+use crate::common::bench::Bench;
+use crate::gateway::plugins::fragile;
+use crate::page::browser::Browser;
+use crate::page::machine::Machine;
+use crate::page::picture::Picture;
 
 /// Links of the shop.
 pub(super) const LINKS: usize = 200;

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::bench::Bench;
-use crate::browser::Browser;
-use crate::machine::Machine;
+use crate::common::bench::Bench;
+use crate::page::browser::Browser;
+use crate::page::machine::Machine;
 
 /// What a plug-in may keep by itself, and what is on the way, is not said to have left.
 const BEHIND: u64 = 2_000;

@@ -6,14 +6,12 @@ mod cells;
 mod cells_crash;
 mod drops;
 mod drops_crash;
-#[path = "../common/plugins.rs"]
-mod echo;
 mod feeds;
 mod lines;
 mod machine;
 mod memory;
 mod panel;
-mod plugins;
+pub(crate) mod plugins;
 mod quotas;
 mod receptions;
 mod results;

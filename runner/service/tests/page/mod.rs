@@ -1,14 +1,9 @@
 //! The web page in a real browser.
 #![cfg(target_os = "linux")]
 
-#[path = "../common/bench.rs"]
-mod bench;
 mod browser;
 mod machine;
 mod picture;
-#[allow(dead_code, reason = "shared with the tests of the gateway")]
-#[path = "../gateway/plugins.rs"]
-mod plugins;
 
 mod needs_chromium {
     mod access;
@@ -26,9 +21,9 @@ mod needs_chromium {
 
     use serde_json::Value;
 
-    use crate::bench::Bench;
-    use crate::browser::Browser;
-    use crate::picture::Picture;
+    use crate::common::bench::Bench;
+    use crate::page::browser::Browser;
+    use crate::page::picture::Picture;
 
     /// A program that takes a simulated machine minutes.
     fn long_program() -> Vec<u8> {

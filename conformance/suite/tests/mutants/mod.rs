@@ -5,14 +5,12 @@
 //! `SOFTPLUG_MATRIX=write`, to write the matrix instead of comparing it; and
 //! `SOFTPLUG_MUTANTS_FILTER`, to hunt only mutants whose id contains it.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod explore;
 mod modules;
 mod score;
 mod sources;
 
-use common::{assert_all_pass, root};
+use crate::common::{assert_all_pass, root};
 use modules::modules;
 use score::scores;
 use softplug_conformance::mutants::{

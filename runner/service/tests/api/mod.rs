@@ -1,8 +1,6 @@
 //! The HTTP API from outside: who is let in, what can be done, and what cannot be done to it.
 #![cfg(target_os = "linux")]
 
-#[path = "../common/bench.rs"]
-mod bench;
 mod checks;
 mod exchange;
 mod fuzzed;

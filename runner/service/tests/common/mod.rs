@@ -1,0 +1,4 @@
+//! What several tests of the gateway need.
+
+pub(crate) mod bench;
+pub(crate) mod plugins;
