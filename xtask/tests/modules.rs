@@ -28,6 +28,37 @@ fn modules_need_each_other_in_no_circle() {
     assert!(circles.is_empty(), "{} circles:\n{}", circles.len(), circles.join("\n"));
 }
 
+/// A file that no program names would be a test that nobody runs.
+#[test]
+fn each_file_of_tests_is_part_of_a_program() {
+    let metadata = MetadataCommand::new().no_deps().exec().unwrap();
+    let mut left_out = Vec::new();
+    let mut count = 0;
+    for package in &metadata.packages {
+        let top = package.manifest_path.parent().unwrap().as_std_path();
+        let trees = package.targets.iter().map(|target| Tree::of(target.src_path.as_std_path()));
+        let named: BTreeSet<_> =
+            trees.flat_map(|tree| tree.0).filter_map(|module| module.file).collect();
+        let all = ["tests", "examples", "benches"].map(|folder| sources(&top.join(folder)));
+        let all = all.into_iter().flatten().collect::<Vec<_>>();
+        count += all.len();
+        left_out.extend(all.into_iter().filter(|file| !named.contains(file)));
+    }
+    assert!(count > 200, "{count}");
+    assert_eq!(left_out, Vec::<PathBuf>::new());
+}
+
+/// Every Rust source below a folder, if there is one.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let found = paths.flat_map(|path| match path.extension() {
+        Some(end) if end == "rs" => vec![path.canonicalize().unwrap()],
+        _ => sources(&path),
+    });
+    found.collect()
+}
+
 /// The modules of a crate; the first is its root.
 #[derive(Default)]
 struct Tree(Vec<Module>);
@@ -35,6 +66,8 @@ struct Tree(Vec<Module>);
 #[derive(Default)]
 struct Module {
     parent: Option<usize>,
+    /// The file that it has for itself.
+    file: Option<PathBuf>,
     children: BTreeMap<String, usize>,
     /// What names of other places stand for here.
     imported: BTreeMap<String, Vec<String>>,
@@ -54,6 +87,7 @@ impl Tree {
             fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
         let parsed =
             syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        self.0[module].file = Some(file.canonicalize().unwrap());
         self.take(module, &parsed.items, file, folder);
     }
 

@@ -4,6 +4,7 @@
 //!
 //! `hostile_links [SECONDS [ROUNDS]]`: 20 seconds of each, 3 rounds in turn.
 
+#[allow(dead_code, unused_imports, reason = "shared with the tests")]
 #[path = "../tests/load/mod.rs"]
 mod load;
 

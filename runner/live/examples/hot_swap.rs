@@ -5,6 +5,7 @@
 //! A third goes without probation, a third with, and in a third the successor
 //! fails on probation and the one before goes on.
 
+#[allow(dead_code, unused_imports, reason = "shared with the tests")]
 #[path = "../tests/load/mod.rs"]
 mod load;
 

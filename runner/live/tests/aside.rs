@@ -203,6 +203,9 @@ fn a_plugin_that_computes_for_long_has_no_neighbours() {
     let mut load = Load::new(settings(), 0, || unreachable!("made below"));
     let mut slow = Line::add(&mut load, Noted::new(&of_slow, FUEL_PER_EVENT / 2));
     let mut quick = Line::add(&mut load, Noted::new(&of_quick, FUEL_PER_EVENT / 10));
+    // Once it hears a client, the link has it.
+    slow.is_told(b"slow");
+    quick.is_told(b"quick");
     for _ in 0..5 {
         slow.says(b"slow");
         quick.says(b"quick");

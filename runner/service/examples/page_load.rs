@@ -4,6 +4,7 @@
 //! `cargo run --release -p softplug-service --example page_load -- [LINKS JOBS SECONDS]`; so many
 //! of the links send a program meanwhile. The plug-ins are those of `SOFTPLUG_PLUGINS`.
 
+#[allow(dead_code, reason = "shared with the tests")]
 #[path = "../tests/common/bench.rs"]
 mod bench;
 #[allow(dead_code, reason = "shared with the tests of the page")]

@@ -3,9 +3,9 @@
 
 #[path = "../examples/df1/main.rs"]
 #[allow(unreachable_pub, dead_code, reason = "it is a crate of its own as well")]
-mod df1;
+mod example;
 
-use df1::Df1;
+use example::Df1;
 use proptest::prelude::*;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Failure, Instance, LineParameters, Micros};

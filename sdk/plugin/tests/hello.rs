@@ -2,9 +2,9 @@
 
 #[path = "../examples/hello.rs"]
 #[allow(unreachable_pub, reason = "it is a crate of its own as well")]
-mod hello;
+mod example;
 
-use hello::Hello;
+use example::Hello;
 use softplug_link::Observed;
 use softplug_plugin::bench::Bench;
 use std::path::Path;
