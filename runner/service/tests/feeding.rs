@@ -4,7 +4,7 @@
 use std::io::Write;
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_live::reactor::LaneId;
@@ -13,6 +13,9 @@ use softplug_service::feeder::{Feeder, Feeding, Pace, Stream};
 use softplug_service::jobs::{Data, Ending, Extent, JobSpec, Jobs, Keep, Kind, State};
 use softplug_service::programs::{Quotas, Receptions, Snapshots};
 use softplug_service::reception_writer::{Incoming, ReceptionWriter, ReceptionWriterNews};
+
+/// So long that only something lost makes a test wait for it.
+const PATIENCE: Duration = Duration::from_secs(30);
 
 struct Shop {
     folder: tempfile::TempDir,
@@ -65,6 +68,7 @@ fn program(bytes: usize) -> Vec<u8> {
 fn drain(mut reader: ReservoirReader, mut look: impl FnMut(u64)) -> (Vec<u8>, Drawn) {
     let mut taken = Vec::new();
     let mut buffer = [0; 700];
+    let begin = Instant::now();
     loop {
         let size = 1 + taken.len() * 31 % buffer.len();
         match reader.read(&mut buffer[..size]) {
@@ -72,7 +76,10 @@ fn drain(mut reader: ReservoirReader, mut look: impl FnMut(u64)) -> (Vec<u8>, Dr
                 taken.extend_from_slice(&buffer[..count]);
                 look(taken.len() as u64);
             }
-            Drawn::Later => std::thread::yield_now(),
+            Drawn::Later => {
+                assert!(begin.elapsed() < PATIENCE, "nothing comes behind {} bytes", taken.len());
+                std::thread::yield_now();
+            }
             end => return (taken, end),
         }
     }
@@ -136,6 +143,20 @@ fn a_check_reads_all_and_grants_nothing_and_the_run_after_it_begins_anew() {
     feeder.feed(feeding(id, data, 0, writer));
     assert!(drain(reader, |_| ()) == (program, Drawn::End));
     assert_eq!(shop.jobs.reader().job(JobId(id)).unwrap().extent.maybe, 30_000);
+}
+
+#[test]
+fn a_gate_that_is_moved_during_a_check_does_not_stop_the_check() {
+    let shop = Shop::new();
+    let feeder = shop.feeder();
+    let program = program(30_000);
+    let (id, data) = shop.begun("lathe", &program, 0);
+    let (writer, reader) = reservoir(4_096, 1_024, 3_000);
+    feeder.feed(Feeding { is_check: true, ..feeding(id, data, 0, writer) });
+    // Another channel of its cell arrives at a mark, say.
+    feeder.move_gate(JobId(id), Some(10));
+    let (taken, end) = drain(reader, |_| {});
+    assert_eq!((taken.len(), end), (program.len(), Drawn::End));
 }
 
 #[test]

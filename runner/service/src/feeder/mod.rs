@@ -165,6 +165,8 @@ struct Feed {
     /// The next byte to give.
     at: u64,
     end: u64,
+    /// What is only looked at is looked at as a whole: it has no gate.
+    is_check: bool,
     /// Nothing behind it is given yet.
     gate: Option<u64>,
     /// It was told that all before its gate has left.
@@ -259,7 +261,7 @@ impl<T: FnMut(FeederNews)> Worker<T> {
             high,
             at: from,
             end: data.size,
-            // What is only looked at is looked at as a whole.
+            is_check,
             gate: gate.filter(|_| !is_check),
             is_gate_told: false,
             granted: if is_check { u64::MAX } else { from },
@@ -275,7 +277,9 @@ impl<T: FnMut(FeederNews)> Worker<T> {
     }
 
     fn move_gate(&mut self, job: JobId, gate: Option<u64>) -> Option<usize> {
-        let is_its = |feed: &Option<Feed>| feed.as_ref().is_some_and(|feed| feed.job == job);
+        let is_its = |feed: &Option<Feed>| {
+            feed.as_ref().is_some_and(|feed| feed.job == job && !feed.is_check)
+        };
         let slot = self.feeds.iter().position(is_its)?;
         let feed = self.feeds[slot].as_mut()?;
         feed.gate = gate;
