@@ -4,7 +4,9 @@ use super::case::Case;
 use super::fields::records;
 use super::lines::{bad_kind, line_parameters, modem_lines};
 use softplug_abi::manifest::{FieldError, Manifest};
-use softplug_abi::{Failure, JobId, LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines};
+use softplug_abi::{
+    Failure, JobId, LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines,
+};
 use softplug_link::Job;
 use softplug_trace::{
     self as trace, Drain, HostRequest, LineEvent, Payload, PayloadError, Piece, What, When,

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use sha2::{Digest, Sha256};
 use softplug_abi::manifest::Manifest;
-use softplug_trace::ByteClass;
+use softplug_trace::{self as trace, ByteClass, Drain, HostRequest, What};
 
 /// Random cuts of each trace.
 const RANDOM_CUTS: u8 = 32;
@@ -104,10 +104,16 @@ fn again(count: u32, timeline: &Timeline) -> Permutation {
     Permutation::Again(count.min(u32::try_from(most).unwrap_or(u32::MAX)))
 }
 
+/// None where the course hangs on a room: the case names it, or gives it by hand.
 fn rooms(case: &Case) -> Vec<Permutation> {
     let front = &case.trace.front;
-    let is_free =
-        front.permute.rooms && front.room.transmit.is_none() && front.room.delivery.is_none();
+    let is_by_hand = case.trace.inputs().any(|entry| {
+        matches!(entry.what, What::Given(trace::Given::Host(HostRequest::Drain(Drain::Off))))
+    });
+    let is_free = front.permute.rooms
+        && front.room.transmit.is_none()
+        && front.room.delivery.is_none()
+        && !is_by_hand;
     let all = if is_free { &Rooms::ALL[..] } else { &[] };
     all.iter().map(|rooms| Permutation::Rooms(*rooms)).collect()
 }
@@ -141,6 +147,17 @@ mod tests {
              line: 9600 8N1 depth=1 reaction=0\nsince: 1\norigin: hand-written\n{permute}---\n. 1.0\n"
         );
         Case::new("x.a.spt", softplug_trace::Trace::parse(&text).unwrap())
+    }
+
+    #[test]
+    fn rooms_are_varied_where_the_case_gives_none_by_hand() {
+        let count = |given: &str| {
+            let text = case("").trace.format().replace("---\n", &format!("---\n{given}"));
+            rooms(&Case::new("x.a.spt", softplug_trace::Trace::parse(&text).unwrap())).len()
+        };
+        assert_eq!(count(""), Rooms::ALL.len());
+        assert_eq!(count("? 0.500000 drain off\n"), 0);
+        assert_eq!(count("? 0.500000 drain auto\n"), Rooms::ALL.len());
     }
 
     #[test]
