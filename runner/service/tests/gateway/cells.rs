@@ -331,6 +331,33 @@ fn a_program_that_was_loaded_and_paused_begins_when_it_is_resumed() {
 }
 
 #[test]
+fn a_started_program_that_begins_late_is_held_as_its_group_is() {
+    let shop = cell(2, "groups = { BOTH = [\"link-0\", \"link-1\"] }\n");
+    let gateway = shop.gateway();
+    let text = blocks(20);
+    put(&shop, "O77", &text);
+    put(&shop, "A", "(SOFTPLUG LOAD LINK-1 O77)\n(SOFTPLUG WAIT 1)\n(SOFTPLUG START LINK-1)\n");
+    put(&shop, "B", "(SOFTPLUG WAIT 1)\n");
+    let one = gateway.submit("link-0", &send("A")).unwrap().id;
+    let filter = JobFilter { link: Some("link-1".to_owned()), ..JobFilter::default() };
+    wait_for("what is loaded", || !gateway.jobs(&filter).unwrap().is_empty());
+    let loaded = gateway.jobs(&filter).unwrap()[0].id;
+    gateway.pause(JobId(loaded)).unwrap();
+    gateway.submit("link-1", &send("B")).unwrap();
+    shop.drain_all(|| gateway.job(JobId(one)).unwrap().state == JobState::Done);
+    shop.take_now(1);
+    // It has been started and has not begun; the machine is in the operator's hands.
+    gateway.set_mode("shafts", "BOTH", CellMode::JogInAuto).unwrap();
+    gateway.resume(JobId(loaded)).unwrap();
+    sleep(A_WHILE);
+    assert_eq!(gateway.job(JobId(loaded)).unwrap().state, JobState::Queued);
+    assert_eq!(String::from_utf8_lossy(&shop.take_now(1)), "");
+    gateway.set_mode("shafts", "BOTH", CellMode::Auto).unwrap();
+    assert_eq!(shop.read(1, text.len()), text.as_bytes());
+    is_done(&shop, loaded);
+}
+
+#[test]
 fn a_plug_in_that_finds_blocks_itself_is_behind_the_words_before_its_first_block() {
     let mut lines = vec!["plugin = \"fanuc-rs232\"\nline = \"9600 8N1\"\n".to_owned(); 2];
     lines[1] += "[[cell]]\nname = \"shafts\"\nchannels = [\"link-0\", \"link-1\"]\n";

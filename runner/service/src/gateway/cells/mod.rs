@@ -108,6 +108,7 @@ impl Control {
         let Some(state) = self.cells.by_name.get(name) else { return false };
         let is_started = job.spec.start == Some(Start::Given) && state.cell.runs(*channel);
         !state.pending.is_empty()
+            || (is_started && state.cell.is_held(*channel))
             || (job.spec.kind == Kind::Send
                 && !is_started
                 && state.cell.check(&begins(*channel, job)).is_err())
