@@ -14,7 +14,8 @@ impl Cell {
         match event {
             Event::Begin { channel, by_hand, .. } => {
                 self.check_channel(*channel)?;
-                self.check_begin(*channel, *by_hand)
+                self.check_begin(*channel, *by_hand)?;
+                self.check_not_jogging(*channel)
             }
             Event::Reached { channel, word } => {
                 self.check_runs(*channel)?;
@@ -64,8 +65,22 @@ impl Cell {
             (Mode::Mda, false) => "the queue waits until it is in AUTO",
             (Mode::Jog, _) => "choose AUTO to begin a program",
         };
-        let group = self.setup.group_name(group).to_owned();
-        Err(Refused::Mode { group, mode: mode.name(), hint })
+        Err(self.wrong_mode(group, hint))
+    }
+
+    /// What another channel starts stands until the axes are no longer moved by hand; all else is not begun
+    /// before.
+    fn check_not_jogging(&self, channel: ChannelId) -> Result<(), Refused> {
+        let group = self.setup.group_of(channel);
+        if self.mode(group) != Mode::JogInAuto {
+            return Ok(());
+        }
+        Err(self.wrong_mode(group, "the queue waits until it is in AUTO"))
+    }
+
+    fn wrong_mode(&self, group: GroupId, hint: &'static str) -> Refused {
+        let mode = self.mode(group).name();
+        Refused::Mode { group: self.setup.group_name(group).to_owned(), mode, hint }
     }
 
     fn check_mode(&self, group: GroupId, mode: Mode) -> Result<(), Refused> {

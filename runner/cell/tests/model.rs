@@ -115,9 +115,9 @@ impl Model {
                 unless(!self.is_stopped, "Stopped");
                 unless(!runs(channel), "Runs");
                 let begins = match self.mode(group_of(*channel)) {
-                    Mode::Auto | Mode::JogInAuto => true,
+                    Mode::Auto => true,
                     Mode::Mda => *by_hand,
-                    Mode::Jog => false,
+                    Mode::Jog | Mode::JogInAuto => false,
                 };
                 unless(begins, "Mode");
             }
@@ -539,9 +539,9 @@ fn programs_help_the_forsaken(cell: &Cell) -> TestCaseResult {
     let [_, deadlocked, forsaken] = told(cell);
     let mut helped = cell.clone();
     for channel in channels().filter(|one| !cell.runs(*one)) {
-        if helped.mode(group_of(channel)) == Mode::Jog {
+        if matches!(helped.mode(group_of(channel)), Mode::Jog | Mode::JogInAuto) {
             let chosen = Event::Mode { group: group_of(channel), mode: Mode::Auto };
-            helped.handle(0, chosen).expect("nothing of it runs");
+            helped.handle(0, chosen).expect("it may be chosen");
         }
         // Another may have been started meanwhile.
         let begun = Event::Begin { channel, program: "O1".into(), by_hand: true };

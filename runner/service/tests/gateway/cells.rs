@@ -331,6 +331,31 @@ fn a_program_that_was_loaded_and_paused_begins_when_it_is_resumed() {
 }
 
 #[test]
+fn no_program_begins_while_axes_are_moved_by_hand() {
+    let shop = cell(2, "groups = { BOTH = [\"link-0\", \"link-1\"] }\n");
+    let gateway = shop.gateway();
+    put(&shop, "A", "(SOFTPLUG WAIT 1)\n");
+    put(&shop, "NEXT", "G0 X1\n");
+    let stands = gateway.submit("link-0", &send("A")).unwrap().id;
+    waits(&shop, 0);
+    let queued = gateway.submit("link-0", &send("NEXT")).unwrap().id;
+    gateway.set_mode("shafts", "BOTH", CellMode::JogInAuto).unwrap();
+    // Its place is free then.
+    gateway.abort(JobId(stands)).unwrap();
+    wait_for("its end", || gateway.job(JobId(stands)).unwrap().state == JobState::Aborted);
+    let given = gateway.submit("link-1", &send("NEXT")).unwrap().id;
+    sleep(A_WHILE);
+    for job in [queued, given] {
+        assert_eq!(gateway.job(JobId(job)).unwrap().state, JobState::Queued);
+    }
+    assert_eq!(shop.take_now(1), b"");
+    gateway.set_mode("shafts", "BOTH", CellMode::Auto).unwrap();
+    assert_eq!(shop.read(1, 6), b"G0 X1\n");
+    is_done(&shop, given);
+    is_done(&shop, queued);
+}
+
+#[test]
 fn a_started_program_that_begins_late_is_held_as_its_group_is() {
     let shop = cell(2, "groups = { BOTH = [\"link-0\", \"link-1\"] }\n");
     let gateway = shop.gateway();

@@ -81,6 +81,13 @@ impl Shop {
 
     /// Links, each with its port and lines.
     pub(crate) fn of_links(gateway: &str, links: &[(&str, &str)], ptys: Vec<PtyPair>) -> Self {
+        let mut shop = Self::not_started(gateway, links, ptys);
+        shop.start();
+        shop
+    }
+
+    /// The folder of a gateway that does not run yet.
+    pub(crate) fn not_started(gateway: &str, links: &[(&str, &str)], ptys: Vec<PtyPair>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let library = Library::open(&folder.path().join("state/plugins")).unwrap();
         for name in ["xon-xoff", "fanuc-rs232", "r3964"] {
@@ -96,15 +103,18 @@ impl Shop {
             text.extend([head.as_str(), "search = [\"b\"]\n", lines]);
         }
         fs::write(folder.path().join("gateway.toml"), text).unwrap();
-        let mut shop = Self { folder, running: None, ptys };
-        shop.start();
-        shop
+        Self { folder, running: None, ptys }
+    }
+
+    /// Starts the gateway, whose ports may be missing.
+    pub(crate) fn start_without_ports(&mut self) {
+        let config = Config::read(&self.folder.path().join("gateway.toml")).unwrap();
+        self.running = Some(start(config).unwrap());
     }
 
     /// Starts the gateway and waits until its ports are open.
     pub(crate) fn start(&mut self) {
-        let config = Config::read(&self.folder.path().join("gateway.toml")).unwrap();
-        self.running = Some(start(config).unwrap());
+        self.start_without_ports();
         wait_for("open ports", || {
             let links = self.gateway().links().unwrap();
             links.iter().all(|link| !matches!(link.state, LinkState::Opening | LinkState::Down))

@@ -2,11 +2,12 @@
 
 use std::fs;
 
+use softplug_live::pty::PtyPair;
 use softplug_service::view::{LinkState, SwapState};
 
-use crate::gateway::journal_says;
 use crate::gateway::plugins::fragile;
 use crate::gateway::shop::{Shop, wait_for};
+use crate::gateway::{journal_says, send};
 
 #[test]
 fn a_plug_in_that_traps_too_often_is_left_alone_until_somebody_releases_it() {
@@ -42,6 +43,28 @@ fn a_plug_in_that_traps_too_often_is_left_alone_until_somebody_releases_it() {
     shop.write(0, b"ab");
     wait_for("bytes", || view().counters.bytes_in >= before + 2);
     assert!(gateway.release(&link).is_err(), "it is not in quarantine");
+}
+
+#[test]
+fn a_link_that_is_released_before_its_port_is_there_works_when_it_comes() {
+    let folder = tempfile::tempdir().unwrap();
+    let port = folder.path().join("port");
+    let pty = PtyPair::open().unwrap();
+    let slave = pty.slave_path().to_owned();
+    let lines = "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n";
+    let mut shop = Shop::not_started("", &[(port.to_str().unwrap(), lines)], vec![pty]);
+    shop.start_without_ports();
+    let (gateway, link) = (shop.gateway(), Shop::name(0));
+    let view = || gateway.link(&link).unwrap();
+    wait_for("a port that is missing", || view().state == LinkState::Down);
+    gateway.quarantine(&link).unwrap();
+    wait_for("the quarantine", || view().state == LinkState::Quarantined);
+    gateway.release(&link).unwrap();
+    std::os::unix::fs::symlink(slave, &port).unwrap();
+    wait_for("work", || view().state == LinkState::Idle);
+    let program = shop.program("P", 100);
+    gateway.submit(&link, &send("P")).unwrap();
+    assert_eq!(shop.read(0, program.len()), program);
 }
 
 #[test]

@@ -68,6 +68,7 @@ impl<I: LaneInstance> Lane<I> {
             let (made, options) = &mut **made;
             *made = Recorded::new(instance, self.recorder_bytes);
             options.settings = settings;
+            self.is_faulted = false;
             return;
         }
         self.host.own.restarts += 1;
