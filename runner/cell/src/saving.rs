@@ -36,6 +36,13 @@ pub enum RestoreError {
     Damaged,
 }
 
+impl Saved {
+    /// The names of its channels.
+    pub fn channels(&self) -> &[String] {
+        &self.channels
+    }
+}
+
 impl Cell {
     /// As it is, to be written down.
     pub fn save(&self) -> Saved {
@@ -47,7 +54,7 @@ impl Cell {
     ///
     /// # Errors
     /// Another version saved it, it is damaged, or the setup is another one and something was
-    /// under way. If nothing was, the cell begins anew.
+    /// under way. If nothing was, the cell begins anew; one that was stopped stays so.
     pub fn restore(setup: Setup, saved: Saved) -> Result<Self, RestoreError> {
         if saved.format != FORMAT {
             return Err(RestoreError::Format(saved.format));
@@ -56,6 +63,8 @@ impl Cell {
         if fresh.names() != (saved.channels, saved.axes, saved.groups) {
             let is_idle = saved.state.channels.iter().all(|one| one.program.is_none())
                 && saved.state.axes.iter().all(|axis| axis.owner.is_none());
+            let is_stopped = saved.state.is_stopped;
+            let fresh = Self { state: State { is_stopped, ..fresh.state }, ..fresh };
             return if is_idle { Ok(fresh) } else { Err(RestoreError::OtherSetup) };
         }
         let cell = Self { state: saved.state, ..fresh };

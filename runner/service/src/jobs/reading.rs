@@ -107,15 +107,25 @@ impl JobsReader {
         self.tell(page())
     }
 
-    /// A cell as it was left, encoded; none if there was never one of this name.
+    /// The cells that there were, each as it was left, encoded; nothing of one that has another name now.
     ///
     /// # Errors
     /// The database cannot be read.
-    pub(crate) fn cell(&self, name: &str) -> Result<Option<Vec<u8>>, JobsError> {
-        let look = || match self.opened.snapshot()?.open_table(CELLS) {
-            Ok(table) => Ok(table.get(name)?.map(|value| value.value().to_vec())),
-            Err(TableError::TableDoesNotExist(_)) => Ok(None),
-            Err(error) => Err(error.into()),
+    pub(crate) fn cells(&self) -> Result<BTreeMap<String, Vec<u8>>, JobsError> {
+        let look = || {
+            let table = match self.opened.snapshot()?.open_table(CELLS) {
+                Ok(table) => table,
+                Err(TableError::TableDoesNotExist(_)) => return Ok(BTreeMap::new()),
+                Err(error) => return Err(error.into()),
+            };
+            let mut cells = BTreeMap::new();
+            for row in table.iter()? {
+                let (name, saved) = row?;
+                if !saved.value().is_empty() {
+                    cells.insert(name.value().to_owned(), saved.value().to_vec());
+                }
+            }
+            Ok(cells)
         };
         self.tell(look())
     }

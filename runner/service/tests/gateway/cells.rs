@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use softplug_service::Refusal;
 use softplug_service::view::{
-    CellChannelState, CellMode, CellView, JobFilter, JobOrder, JobState, LinkState,
+    CellChannelState, CellMode, CellView, JobFilter, JobOrder, JobState, LinkState, StopHow,
 };
 
 use crate::gateway::shop::{Shop, wait_for};
@@ -299,6 +299,37 @@ fn a_cell_at_work_keeps_its_links_when_its_name_changes() {
     assert_eq!(gateway.job(JobId(two)).unwrap().state, JobState::Running, "it waits for nobody");
     assert_eq!(shop.read(1, 18), b"(SOFTPLUG WAIT 1)\n");
     assert_eq!(shop.waiting(1), 0);
+}
+
+#[test]
+fn a_cell_with_another_name_keeps_its_axes_and_its_mode() {
+    let mut shop = cell(2, "");
+    put(&shop, "KEEPS", "(SOFTPLUG GET GANTRY)\n(SOFTPLUG WAIT 1)\n");
+    put(&shop, "WANTS", "(SOFTPLUG TAKE GANTRY)\nMOVED\n");
+    let keeps = shop.gateway().submit("link-0", &send("KEEPS")).unwrap().id;
+    wait_for("the axis", || view(&shop).axes[0].owner.is_some());
+    waits(&shop, 0);
+    shop.gateway().abort(JobId(keeps)).unwrap();
+    let owner = |shop: &Shop, name: &str| shop.gateway().cell(name).unwrap().axes[0].owner.clone();
+    wait_for("its end", || shop.gateway().job(JobId(keeps)).unwrap().ended_ms.is_some());
+    assert_eq!(owner(&shop, "shafts").as_deref(), Some("link-0"));
+    shop.gateway().stop(StopHow::Park);
+    shop.stopped();
+    shop.configure(|text| text.replace("name = \"shafts\"", "name = \"others\""));
+    shop.start();
+    assert_eq!(owner(&shop, "others").as_deref(), Some("link-0"));
+    assert!(journal_says(shop.gateway(), "others: was called shafts"));
+    shop.gateway().submit("link-1", &send("WANTS")).unwrap();
+    sleep(A_WHILE);
+    assert!(!shop.take_now(1).ends_with(b"MOVED\n"));
+    // The old name has nothing left: what it was has come along.
+    shop.gateway().release_axis("others", "GANTRY").unwrap();
+    wait_for("what follows", || shop.take_now(1).ends_with(b"MOVED\n"));
+    shop.gateway().stop(StopHow::Park);
+    shop.stopped();
+    shop.configure(|text| text.replace("name = \"others\"", "name = \"shafts\""));
+    shop.start();
+    assert_eq!(owner(&shop, "shafts"), None);
 }
 
 #[test]

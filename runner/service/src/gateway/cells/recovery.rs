@@ -1,7 +1,7 @@
 //! Cells as the configuration names them, and as the last gateway left them.
 
 use softplug_abi::JobId;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use softplug_cell::{AfterCrash, Cell, ChannelSet, Chart, End, Event};
 
@@ -46,7 +46,7 @@ impl Control {
                 }
                 None if !is_start => self.add_cell(config, Cell::new(config.setup.clone())),
                 None => {
-                    let jobs = self.bring_back(config);
+                    let jobs = self.bring_back(config, configs);
                     returned.extend(jobs.map(|jobs| (config, jobs)));
                 }
             }
@@ -90,9 +90,16 @@ impl Control {
     }
 
     /// A cell as it was before the gateway was ended, if it was; with the jobs of its channels.
-    fn bring_back(&mut self, config: &CellConfig) -> Option<Vec<Option<JobId>>> {
-        let read = self.shared.parts.jobs.reader().cell(&config.name);
-        let Some(saved) = self.wrote(read).flatten() else {
+    fn bring_back(
+        &mut self,
+        config: &CellConfig,
+        configs: &[CellConfig],
+    ) -> Option<Vec<Option<JobId>>> {
+        let read = self.shared.parts.jobs.reader().cells();
+        let mut left = self.wrote(read).unwrap_or_default();
+        let own = left.remove(&config.name).map(|saved| (None, saved));
+        left.retain(|name, _| !configs.iter().any(|config| config.name == *name));
+        let Some((renamed, saved)) = own.or_else(|| formerly(config, left)) else {
             self.add_cell(config, Cell::new(config.setup.clone()));
             return None;
         };
@@ -100,15 +107,46 @@ impl Control {
         let restored = saved.map(|SavedCell { cell, jobs }| {
             Cell::restore(config.setup.clone(), cell).map(|cell| (cell, jobs))
         });
-        match restored {
+        let jobs = match restored {
             Some(Ok((cell, jobs))) => {
                 self.add_cell(config, cell);
-                return Some(jobs);
+                Some(jobs)
             }
-            Some(Err(error)) => self.begin_stopped(config, &error.to_string()),
-            None => self.begin_stopped(config, "what was saved of the cell is damaged"),
+            Some(Err(error)) => {
+                self.begin_stopped(config, &error.to_string());
+                None
+            }
+            None => {
+                self.begin_stopped(config, "what was saved of the cell is damaged");
+                None
+            }
+        };
+        if let Some(former) = renamed {
+            self.has_another_name(&former, config, jobs.as_deref().unwrap_or_default());
         }
-        None
+        jobs
+    }
+
+    /// What a cell was comes with it under its new name, and stays under the old one no longer.
+    fn has_another_name(&mut self, former: &str, config: &CellConfig, jobs: &[Option<JobId>]) {
+        let name = &config.name;
+        let Some(state) = self.cells.by_name.get(name) else { return };
+        let saved = SavedCell { cell: state.cell.save(), jobs: jobs.to_vec() };
+        let text = format!("{name}: was called {former} when the gateway was ended");
+        let note = Note::new(Subject::Cell, text);
+        let taken = CellStep {
+            cell: name.clone(),
+            saved: serde_json::to_vec(&saved).expect("plain data with text keys is JSON"),
+            notes: vec![note],
+            ..CellStep::default()
+        };
+        let dropped = CellStep { cell: former.to_owned(), ..CellStep::default() };
+        for step in [taken, dropped] {
+            let written = self.shared.parts.jobs.step_cell(step);
+            if self.wrote(written).is_none() {
+                return;
+            }
+        }
     }
 
     /// It is not known how it was: somebody has to look before anything begins.
@@ -213,4 +251,20 @@ impl Control {
             }
         }
     }
+}
+
+/// The cell that a new one was, of those that have no configuration any more: one that had a channel of it.
+fn formerly(
+    config: &CellConfig,
+    left: BTreeMap<String, Vec<u8>>,
+) -> Option<(Option<String>, Vec<u8>)> {
+    let setup = &config.setup;
+    let shares = |saved: &[u8]| {
+        let saved: Option<SavedCell> = serde_json::from_slice(saved).ok();
+        saved.is_some_and(|SavedCell { cell, .. }| {
+            let mut names = setup.channels().map(|one| setup.channel_name(one));
+            names.any(|name| cell.channels().iter().any(|other| other == name))
+        })
+    };
+    left.into_iter().find(|(_, saved)| shares(saved)).map(|(name, saved)| (Some(name), saved))
 }
