@@ -4,14 +4,11 @@ use super::case::Case;
 use super::fields::records;
 use super::lines::{bad_kind, line_parameters, modem_lines};
 use softplug_abi::manifest::{FieldError, Manifest};
-use softplug_abi::{
-    Failure, JobId, LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines,
-};
+use softplug_abi::{Failure, JobId, LineErrorKind, LinkDownReason, Micros, ModemLines};
 use softplug_link::Job;
 use softplug_trace::{
     self as trace, Drain, HostRequest, LineEvent, Payload, PayloadError, Piece, What, When,
 };
-use std::slice;
 
 /// Inputs in the order in which they come.
 #[derive(Clone, Debug, Default)]
@@ -109,8 +106,6 @@ pub(crate) enum NotPossible {
     Request(String),
     #[error("nothing comes over a port that is down")]
     Silent,
-    #[error("{byte:02X} cannot come on a line of {bits} data bits")]
-    Bits { byte: u8, bits: u8 },
     #[error("a closed link takes no job")]
     JobOfClosed,
     #[error("on a closed link no plug-in takes over from another")]
@@ -140,15 +135,13 @@ impl Timeline {
         for entry in case.trace.inputs() {
             let number = entry.line.0;
             condition.take(&entry.what).map_err(|error| error.at(number))?;
-            let pieces = |payload: &Payload| {
-                let pieces = payload.pieces(&case.files()).map_err(NotPossible::from);
-                pieces.and_then(|pieces| carried(pieces, line)).map_err(|error| error.at(number))
-            };
+            let bytes = |error: PayloadError| NotPossible::from(error).at(number);
             let at = place(entry.when, windows, &mut window);
             let What::Given(what) = &entry.what else { continue };
             match what {
                 trace::Given::Receive(payload) => {
-                    given.extend(pieces(payload)?.into_iter().map(|piece| {
+                    let pieces = payload.pieces(&case.files()).map_err(bytes)?;
+                    given.extend(pieces.into_iter().map(|piece| {
                         let what = match piece {
                             Piece::Bytes(bytes) => Input::Bytes(bytes),
                             Piece::Bad { kind, byte } => damaged(kind, byte),
@@ -157,7 +150,8 @@ impl Timeline {
                     }));
                 }
                 trace::Given::Burst(payload) => {
-                    let characters = pieces(payload)?.into_iter().flat_map(|piece| match piece {
+                    let pieces = payload.pieces(&case.files()).map_err(bytes)?;
+                    let characters = pieces.into_iter().flat_map(|piece| match piece {
                         Piece::Bytes(bytes) => bytes.into_iter().map(Input::Character).collect(),
                         Piece::Bad { kind, byte } => vec![damaged(kind, byte)],
                     });
@@ -214,20 +208,6 @@ impl Condition {
             _ => {}
         }
         Ok(())
-    }
-}
-
-/// What comes, if a line of so many data bits has such characters.
-fn carried(pieces: Vec<Piece>, line: LineParameters) -> Result<Vec<Piece>, NotPossible> {
-    let bits = line.data_bits;
-    let is_too_wide = |byte: &&u8| u32::from(**byte) >= 1 << bits;
-    let mut bytes = pieces.iter().flat_map(|piece| match piece {
-        Piece::Bytes(bytes) => bytes.as_slice(),
-        Piece::Bad { byte, .. } => slice::from_ref(byte),
-    });
-    match bytes.find(is_too_wide) {
-        Some(byte) => Err(NotPossible::Bits { byte: *byte, bits }),
-        None => Ok(pieces),
     }
 }
 
@@ -332,18 +312,6 @@ mod tests {
         let good = "! 1.000000 down failed\n! 2.000000 up\n< 3.000000 \"A\"\n? 4.000000 close\n\
                     ? 5.000000 open\n? 6.000000 send 1 \"A\"\n? 7.000000 swap\n";
         assert_eq!(refused(good), None);
-    }
-
-    #[test]
-    fn a_line_carries_as_many_bits_as_it_has() {
-        let line = LineParameters { data_bits: 7, ..LineParameters::new(4_800) };
-        let refused = |pieces| carried(pieces, line).map_err(|error| error.to_string()).err();
-        let damaged = |byte| vec![Piece::Bad { kind: softplug_trace::BadKind::Parity, byte }];
-        assert_eq!(refused(vec![Piece::Bytes(vec![0x7F])]), None);
-        let said = "80 cannot come on a line of 7 data bits".to_owned();
-        assert_eq!(refused(vec![Piece::Bytes(vec![0x7F, 0x80])]).as_ref(), Some(&said));
-        assert_eq!(refused(damaged(0x80)), Some(said));
-        assert_eq!(refused(damaged(0)), None);
     }
 
     #[test]
