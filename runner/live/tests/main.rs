@@ -7,8 +7,11 @@ mod endpoint;
 mod faults;
 mod gaps;
 mod kernel;
+#[cfg(target_os = "linux")]
 mod lanes;
+#[cfg(target_os = "linux")]
 mod load;
+#[cfg(target_os = "linux")]
 mod net;
 mod ports;
 mod prompt;
