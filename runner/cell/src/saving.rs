@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::cell::{Cell, State};
+use crate::event::Mode;
 use crate::setup::{AxisId, ChannelId, Setup};
 use crate::word::Word;
 
@@ -54,7 +55,8 @@ impl Cell {
     ///
     /// # Errors
     /// Another version saved it, it is damaged, or the setup is another one and something was
-    /// under way. If nothing was, the cell begins anew; one that was stopped stays so.
+    /// under way. If nothing was, the cell begins anew; one that was stopped, or of which a group was
+    /// not in AUTO, is stopped.
     pub fn restore(setup: Setup, saved: Saved) -> Result<Self, RestoreError> {
         if saved.format != FORMAT {
             return Err(RestoreError::Format(saved.format));
@@ -63,9 +65,13 @@ impl Cell {
         if fresh.names() != (saved.channels, saved.axes, saved.groups) {
             let is_idle = saved.state.channels.iter().all(|one| one.program.is_none())
                 && saved.state.axes.iter().all(|axis| axis.owner.is_none());
-            let is_stopped = saved.state.is_stopped;
-            let fresh = Self { state: State { is_stopped, ..fresh.state }, ..fresh };
-            return if is_idle { Ok(fresh) } else { Err(RestoreError::OtherSetup) };
+            // Somebody is at the machines: nothing begins before they say so.
+            let is_manned = saved.state.modes.iter().any(|mode| *mode != Mode::Auto);
+            return match (is_idle, is_manned || saved.state.is_stopped) {
+                (true, false) => Ok(fresh),
+                (true, true) => Ok(Self::stopped(fresh.setup)),
+                (false, _) => Err(RestoreError::OtherSetup),
+            };
         }
         let cell = Self { state: saved.state, ..fresh };
         if cell.is_sound() { Ok(cell) } else { Err(RestoreError::Damaged) }

@@ -65,6 +65,20 @@ fn is_done(shop: &Shop, job: u32) {
     wait_for("the job's end", || shop.gateway().job(JobId(job)).unwrap().state == JobState::Done);
 }
 
+/// The job of O77 in the second channel, which is paused while the first one starts it.
+fn started_while_it_was_paused(shop: &Shop) -> u32 {
+    put(shop, "A", "(SOFTPLUG LOAD LINK-1 O77)\n(SOFTPLUG WAIT 1)\n(SOFTPLUG START LINK-1)\n");
+    put(shop, "B", "(SOFTPLUG WAIT 1)\n");
+    let one = shop.gateway().submit("link-0", &send("A")).unwrap().id;
+    let filter = JobFilter { link: Some("link-1".to_owned()), ..JobFilter::default() };
+    wait_for("what is loaded", || !shop.gateway().jobs(&filter).unwrap().is_empty());
+    let loaded = shop.gateway().jobs(&filter).unwrap()[0].id;
+    shop.gateway().pause(JobId(loaded)).unwrap();
+    shop.gateway().submit("link-1", &send("B")).unwrap();
+    shop.drain_all(|| shop.gateway().job(JobId(one)).unwrap().state == JobState::Done);
+    loaded
+}
+
 #[test]
 fn nothing_behind_a_mark_leaves_before_all_are_there() {
     let shop = cell(3, "");
@@ -333,6 +347,36 @@ fn a_cell_with_another_name_keeps_its_axes_and_its_mode() {
 }
 
 #[test]
+fn all_that_a_cell_at_work_is_divided_into_are_stopped() {
+    let mut shop = cell(4, "");
+    put(&shop, "KEEPS", "(SOFTPLUG GET GANTRY)\n(SOFTPLUG WAIT 1)\n");
+    shop.gateway().submit("link-0", &send("KEEPS")).unwrap();
+    wait_for("the axis", || view(&shop).axes[0].owner.is_some());
+    shop.gateway().stop(StopHow::Park);
+    shop.stopped();
+    let one = "name = \"shafts\"\nchannels = [\"link-0\", \"link-1\", \"link-2\", \"link-3\"]\n";
+    let two = "name = \"left\"\nchannels = [\"link-0\", \"link-1\"]\n[[cell]]\nname = \"right\"\n\
+               channels = [\"link-2\", \"link-3\"]\n";
+    shop.configure(|text| {
+        assert!(text.contains(one));
+        text.replace(one, two)
+    });
+    shop.start();
+    for name in ["left", "right"] {
+        assert!(shop.gateway().cell(name).unwrap().is_stopped, "{name}");
+    }
+}
+
+#[test]
+fn a_group_in_jog_is_not_in_auto_after_a_reload() {
+    let shop = cell(2, "groups = { BOTH = [\"link-0\", \"link-1\"] }\n");
+    shop.gateway().set_mode("shafts", "BOTH", CellMode::Jog).unwrap();
+    shop.configure(|text| text.replace("axes = [\"GANTRY\"]", "axes = [\"GANTRY\", \"BAR\"]"));
+    assert_eq!(shop.gateway().reload().unwrap().needs_restart, ["cell.shafts"]);
+    assert_eq!(view(&shop).groups[0].mode, CellMode::Jog);
+}
+
+#[test]
 fn a_program_that_loads_one_with_a_wrong_word_is_refused() {
     let shop = cell(2, "");
     put(&shop, "BAD", "(SOFTPLUG WAIT 1 ZZ)\n");
@@ -346,15 +390,7 @@ fn a_program_that_was_loaded_and_paused_begins_when_it_is_resumed() {
     let shop = cell(2, "");
     let gateway = shop.gateway();
     put(&shop, "O77", "M30\n");
-    put(&shop, "A", "(SOFTPLUG LOAD LINK-1 O77)\n(SOFTPLUG WAIT 1)\n(SOFTPLUG START LINK-1)\n");
-    put(&shop, "B", "(SOFTPLUG WAIT 1)\n");
-    let one = gateway.submit("link-0", &send("A")).unwrap().id;
-    let filter = JobFilter { link: Some("link-1".to_owned()), ..JobFilter::default() };
-    wait_for("what is loaded", || !gateway.jobs(&filter).unwrap().is_empty());
-    let loaded = gateway.jobs(&filter).unwrap()[0].id;
-    gateway.pause(JobId(loaded)).unwrap();
-    gateway.submit("link-1", &send("B")).unwrap();
-    shop.drain_all(|| gateway.job(JobId(one)).unwrap().state == JobState::Done);
+    let loaded = started_while_it_was_paused(&shop);
     assert_eq!(gateway.job(JobId(loaded)).unwrap().state, JobState::Paused);
     gateway.resume(JobId(loaded)).unwrap();
     shop.drain_all(|| gateway.job(JobId(loaded)).unwrap().state == JobState::Done);
@@ -392,15 +428,7 @@ fn a_started_program_that_begins_late_is_held_as_its_group_is() {
     let gateway = shop.gateway();
     let text = blocks(20);
     put(&shop, "O77", &text);
-    put(&shop, "A", "(SOFTPLUG LOAD LINK-1 O77)\n(SOFTPLUG WAIT 1)\n(SOFTPLUG START LINK-1)\n");
-    put(&shop, "B", "(SOFTPLUG WAIT 1)\n");
-    let one = gateway.submit("link-0", &send("A")).unwrap().id;
-    let filter = JobFilter { link: Some("link-1".to_owned()), ..JobFilter::default() };
-    wait_for("what is loaded", || !gateway.jobs(&filter).unwrap().is_empty());
-    let loaded = gateway.jobs(&filter).unwrap()[0].id;
-    gateway.pause(JobId(loaded)).unwrap();
-    gateway.submit("link-1", &send("B")).unwrap();
-    shop.drain_all(|| gateway.job(JobId(one)).unwrap().state == JobState::Done);
+    let loaded = started_while_it_was_paused(&shop);
     shop.take_now(1);
     // It has been started and has not begun; the machine is in the operator's hands.
     gateway.set_mode("shafts", "BOTH", CellMode::JogInAuto).unwrap();

@@ -107,11 +107,12 @@ impl Control {
         let Some((name, channel)) = self.cells.of_link.get(link) else { return false };
         let Some(state) = self.cells.by_name.get(name) else { return false };
         let is_started = job.spec.start == Some(Start::Given) && state.cell.runs(*channel);
-        !state.pending.is_empty()
-            || (is_started && state.cell.is_held(*channel))
-            || (job.spec.kind == Kind::Send
-                && !is_started
-                && state.cell.check(&begins(*channel, job)).is_err())
+        let is_kept = if is_started {
+            state.cell.is_held(*channel)
+        } else {
+            job.spec.kind == Kind::Send && state.cell.check(&begins(*channel, job)).is_err()
+        };
+        is_kept || !state.pending.is_empty()
     }
 
     /// Begins a job that is a program of a channel; none if it is not.

@@ -1,9 +1,9 @@
 //! Cells as the configuration names them, and as the last gateway left them.
 
 use softplug_abi::JobId;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use softplug_cell::{AfterCrash, Cell, ChannelSet, Chart, End, Event};
+use softplug_cell::{AfterCrash, Cell, ChannelSet, Chart, End, Event, Mode};
 
 use super::{CellState, ChannelJob, Control, SPANS, SavedCell};
 use crate::config::CellConfig;
@@ -32,6 +32,7 @@ impl Control {
                 self.cells.by_name.remove(&name);
             }
         }
+        let mut left = if is_start { self.left_cells(configs) } else { LeftCells::default() };
         for config in configs {
             let is_at_work = self.is_at_work(&config.name);
             let is_elsewhere = self.is_channel_elsewhere(config);
@@ -46,7 +47,7 @@ impl Control {
                 }
                 None if !is_start => self.add_cell(config, Cell::new(config.setup.clone())),
                 None => {
-                    let jobs = self.bring_back(config, configs);
+                    let jobs = self.bring_back(config, &mut left);
                     returned.extend(jobs.map(|jobs| (config, jobs)));
                 }
             }
@@ -57,6 +58,7 @@ impl Control {
             setup.channels().map(of)
         });
         self.cells.of_link = channels.collect();
+        self.forget(left.renamed);
         for (config, jobs) in returned {
             self.after_crash(config, &jobs);
         }
@@ -68,6 +70,8 @@ impl Control {
             let setup = &state.config.setup;
             setup.channels().any(|channel| state.cell.runs(channel))
                 || setup.axes().any(|axis| state.cell.axis(axis).0.is_some())
+                || setup.groups().any(|(group, ..)| state.cell.mode(group) != Mode::Auto)
+                || state.cell.is_stopped()
         })
     }
 
@@ -89,21 +93,37 @@ impl Control {
         self.cells.by_name.insert(config.name.clone(), state);
     }
 
+    /// What the last gateway left.
+    fn left_cells(&mut self, configs: &[CellConfig]) -> LeftCells {
+        let read = self.shared.parts.jobs.reader().cells();
+        let is_configured = |name: &str| configs.iter().any(|config| config.name == name);
+        let all = self.wrote(read).unwrap_or_default().into_iter();
+        let (configured, former) = all.partition(|(name, _)| is_configured(name));
+        LeftCells { configured, former, renamed: BTreeSet::new() }
+    }
+
     /// A cell as it was before the gateway was ended, if it was; with the jobs of its channels.
     fn bring_back(
         &mut self,
         config: &CellConfig,
-        configs: &[CellConfig],
+        left: &mut LeftCells,
     ) -> Option<Vec<Option<JobId>>> {
-        let read = self.shared.parts.jobs.reader().cells();
-        let mut left = self.wrote(read).unwrap_or_default();
-        let own = left.remove(&config.name).map(|saved| (None, saved));
-        left.retain(|name, _| !configs.iter().any(|config| config.name == *name));
-        let Some((renamed, saved)) = own.or_else(|| formerly(config, left)) else {
-            self.add_cell(config, Cell::new(config.setup.clone()));
-            return None;
+        let mut former = left.former_of(config);
+        let (first, second) = (former.next(), former.next());
+        drop(former);
+        let (renamed, saved) = match (left.configured.get(&config.name), first) {
+            (Some(own), _) => (None, own),
+            (None, None) => {
+                self.add_cell(config, Cell::new(config.setup.clone()));
+                return None;
+            }
+            (None, Some(_)) if second.is_some() => {
+                self.begin_stopped(config, "its channels were in several cells that are gone");
+                return None;
+            }
+            (None, Some((name, saved))) => (Some(name.clone()), saved),
         };
-        let saved: Option<SavedCell> = serde_json::from_slice(&saved).ok();
+        let saved: Option<SavedCell> = serde_json::from_slice(saved).ok();
         let restored = saved.map(|SavedCell { cell, jobs }| {
             Cell::restore(config.setup.clone(), cell).map(|cell| (cell, jobs))
         });
@@ -121,31 +141,41 @@ impl Control {
                 None
             }
         };
-        if let Some(former) = renamed {
-            self.has_another_name(&former, config, jobs.as_deref().unwrap_or_default());
+        if let Some(former) = renamed
+            && self.has_another_name(&former, config, jobs.as_deref().unwrap_or_default())
+        {
+            left.renamed.insert(former);
         }
         jobs
     }
 
-    /// What a cell was comes with it under its new name, and stays under the old one no longer.
-    fn has_another_name(&mut self, former: &str, config: &CellConfig, jobs: &[Option<JobId>]) {
+    /// What a cell was is written down under its new name; whether it could be.
+    fn has_another_name(
+        &mut self,
+        former: &str,
+        config: &CellConfig,
+        jobs: &[Option<JobId>],
+    ) -> bool {
         let name = &config.name;
-        let Some(state) = self.cells.by_name.get(name) else { return };
+        let Some(state) = self.cells.by_name.get(name) else { return false };
         let saved = SavedCell { cell: state.cell.save(), jobs: jobs.to_vec() };
         let text = format!("{name}: was called {former} when the gateway was ended");
-        let note = Note::new(Subject::Cell, text);
-        let taken = CellStep {
+        let step = CellStep {
             cell: name.clone(),
             saved: serde_json::to_vec(&saved).expect("plain data with text keys is JSON"),
-            notes: vec![note],
+            notes: vec![Note::new(Subject::Cell, text)],
             ..CellStep::default()
         };
-        let dropped = CellStep { cell: former.to_owned(), ..CellStep::default() };
-        for step in [taken, dropped] {
-            let written = self.shared.parts.jobs.step_cell(step);
-            if self.wrote(written).is_none() {
-                return;
-            }
+        let written = self.shared.parts.jobs.step_cell(step);
+        self.wrote(written).is_some()
+    }
+
+    /// Nothing stays under a name that a cell no longer has.
+    fn forget(&mut self, renamed: BTreeSet<String>) {
+        for cell in renamed {
+            let written =
+                self.shared.parts.jobs.step_cell(CellStep { cell, ..CellStep::default() });
+            self.wrote(written);
         }
     }
 
@@ -253,18 +283,29 @@ impl Control {
     }
 }
 
-/// The cell that a new one was, of those that have no configuration any more: one that had a channel of it.
-fn formerly(
-    config: &CellConfig,
-    left: BTreeMap<String, Vec<u8>>,
-) -> Option<(Option<String>, Vec<u8>)> {
-    let setup = &config.setup;
-    let shares = |saved: &[u8]| {
-        let saved: Option<SavedCell> = serde_json::from_slice(saved).ok();
-        saved.is_some_and(|SavedCell { cell, .. }| {
-            let mut names = setup.channels().map(|one| setup.channel_name(one));
-            names.any(|name| cell.channels().iter().any(|other| other == name))
+/// Cells as the last gateway left them, encoded, by their names.
+#[derive(Default)]
+struct LeftCells {
+    configured: BTreeMap<String, Vec<u8>>,
+    /// Those that have no configuration any more.
+    former: BTreeMap<String, Vec<u8>>,
+    /// Those of them that go on under another name.
+    renamed: BTreeSet<String>,
+}
+
+impl LeftCells {
+    /// Those that are gone and had a channel of this one.
+    fn former_of<'a>(
+        &'a self,
+        config: &'a CellConfig,
+    ) -> impl Iterator<Item = (&'a String, &'a Vec<u8>)> {
+        let setup = &config.setup;
+        self.former.iter().filter(|(_, saved)| {
+            let saved: Option<SavedCell> = serde_json::from_slice(saved).ok();
+            saved.is_some_and(|SavedCell { cell, .. }| {
+                let mut names = setup.channels().map(|one| setup.channel_name(one));
+                names.any(|name| cell.channels().iter().any(|other| other == name))
+            })
         })
-    };
-    left.into_iter().find(|(_, saved)| shares(saved)).map(|(name, saved)| (Some(name), saved))
+    }
 }
