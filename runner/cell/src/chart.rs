@@ -83,13 +83,10 @@ fn doing(cell: &Cell, channel: ChannelId) -> Doing {
     if cell.may_be_fed(channel) {
         return Doing::Runs(program.to_owned());
     }
-    Doing::Stands(
-        match (cell.is_stopped(), view.is_lost, view.is_paused) {
-            (true, ..) => "the cell is stopped",
-            (_, true, _) => "its port is gone, or its plug-in stopped",
-            (.., true) => "paused",
-            _ => "the group is in JOG",
-        }
-        .to_owned(),
-    )
+    Doing::Stands(match (cell.is_stopped(), view.is_lost, view.is_paused) {
+        (true, ..) => "the cell is stopped".to_owned(),
+        (_, true, _) => "its port is gone, or its plug-in stopped".to_owned(),
+        (.., true) => "paused".to_owned(),
+        _ => format!("the group is in {}", cell.mode(setup.group_of(channel)).name()),
+    })
 }

@@ -84,6 +84,12 @@ fn what_coordinates_and_cannot_be_understood_is_told_with_its_block() {
         refused("(SOFTPLUG WAIT 1 LATHE-1)", "comment"),
         "block 1: a channel cannot meet itself: name another one"
     );
+    for (program, notation) in
+        [("(SOFTPLUG START 1)", "comment"), ("EXE lathe-1", "wai"), ("START(2,1)", "siemens")]
+    {
+        let text = "block 1: a channel cannot start itself: its program would wait for its own end";
+        assert_eq!(refused(program, notation), text);
+    }
     assert!(
         refused("(SOFTPLUG)", "comment").contains("cannot be understood: write (SOFTPLUG WAIT")
     );

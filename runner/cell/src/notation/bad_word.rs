@@ -19,6 +19,8 @@ pub(super) enum BadWord {
     Axis { name: String, known: String },
     #[error("a channel cannot meet itself: name another one")]
     Alone,
+    #[error("a channel cannot start itself: its program would wait for its own end")]
+    StartsItself,
     #[error("\"{}\" is no mark: give a whole number up to {}", .0.escape_debug(), u32::MAX)]
     Mark(String),
     #[error("\"{}\" names no program", .0.escape_debug())]

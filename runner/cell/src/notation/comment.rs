@@ -34,7 +34,7 @@ fn word(comment: &str, parts: &[&str], names: Names<'_>) -> Read<Word> {
         ("LOAD", [channel, program]) => {
             Ok(Word::Load { channel: names.channel(channel)?, program: program_name(program)? })
         }
-        ("START", [channel]) => Ok(Word::Start { channel: names.channel(channel)? }),
+        ("START", [channel]) => names.start(channel),
         ("GET", [axis]) => Ok(Word::Get { axis: names.axis(axis)?, forced: false }),
         ("TAKE", [axis]) => Ok(Word::Get { axis: names.axis(axis)?, forced: true }),
         ("RELEASE", [axis]) => Ok(Word::Release { axis: names.axis(axis)? }),

@@ -239,6 +239,14 @@ impl Names<'_> {
         })
     }
 
+    /// A channel that is started: another one, as it waits until that one runs nothing.
+    fn start(self, name: &str) -> Read<Word> {
+        match self.channel(name)? {
+            channel if channel == self.by => Err(BadWord::StartsItself),
+            channel => Ok(Word::Start { channel }),
+        }
+    }
+
     /// A meeting at a mark: of these channels and who says it, or of all.
     fn meeting<'t>(self, mark: &str, with: impl Iterator<Item = &'t str>) -> Read<Word> {
         let mark = number(mark)?;

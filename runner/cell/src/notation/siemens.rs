@@ -43,10 +43,9 @@ pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
             let channel = names.channel(unquoted(channel))?;
             Ok(vec![Word::Load { channel, program: program_name(program)? }])
         }
-        ("START", channels) => channels
-            .iter()
-            .map(|channel| Ok(Word::Start { channel: names.channel(unquoted(channel))? }))
-            .collect(),
+        ("START", channels) => {
+            channels.iter().map(|channel| names.start(unquoted(channel))).collect()
+        }
         ("GET" | "GETD", axes) => {
             let forced = verb == "GETD";
             axes.iter().map(|axis| Ok(Word::Get { axis: names.axis(axis)?, forced })).collect()

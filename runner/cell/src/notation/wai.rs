@@ -17,7 +17,7 @@ pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
         ("LAD", [channel, program]) => {
             Word::Load { channel: names.channel(channel)?, program: program_name(program)? }
         }
-        ("EXE", [channel]) => Word::Start { channel: names.channel(channel)? },
+        ("EXE", [channel]) => names.start(channel)?,
         ("WAI" | "LAD" | "EXE", _) => {
             return Err(BadWord::Wai(text.trim().to_owned()));
         }

@@ -277,9 +277,8 @@ impl Gateway {
         self.shared.ask(move |control| control.steer(id, JobCommand::Abort))
     }
 
-    /// Puts a job that has ended into the queue again, as a new job, from a
-    /// block on (counted from 1); the whole of it if none is given.
-    pub fn restart(&self, id: JobId, from_block: Option<u64>) -> Result<JobView, Refusal> {
+    /// Puts a job that has ended into the queue again, as a new job.
+    pub fn restart(&self, id: JobId, at: BeginAt) -> Result<JobView, Refusal> {
         self.refuse_while_stopping()?;
         let parts = &self.shared.parts;
         let _hold = parts.snapshots.hold();
@@ -287,7 +286,6 @@ impl Gateway {
         let link = before.spec.link.clone();
         let plugin = self.plugin_of(&link)?;
         let field = finds_blocks(&plugin, &before.spec.job_kind);
-        let at = from_block.map_or(BeginAt::Start, BeginAt::Block);
         let job = parts.jobs.restart(id, at, field, &parts.snapshots)?;
         self.shared.ask(move |control| {
             // Who does it again knows how it ended.

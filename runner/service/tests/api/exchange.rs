@@ -84,6 +84,14 @@ fn a_job_is_paused_resumed_aborted_and_begun_again() {
         bench.post(&format!("{path}/restart"), &json!({ "from_block": 3_999 })).with(201).json();
     assert_eq!((&again["restart_of"], &again["start_block"]), (&job["id"], &json!(3_999)));
     bench.until(&format!("/jobs/{}", again["id"]), |job| job["state"] == "done");
+    let at = |order: &serde_json::Value| bench.post(&format!("{path}/restart"), order);
+    let size = program(4_000).len();
+    let last = at(&json!({ "from_byte": size - 1 })).with(201).json();
+    let done = bench.until(&format!("/jobs/{}", last["id"]), |job| job["state"] == "done");
+    assert!(done["text"].as_str().unwrap().contains("it began behind byte"), "{done:#}");
+    at(&json!({ "from_byte": size })).with(422);
+    let both = at(&json!({ "from_byte": 1, "from_block": 1 })).with(422).json();
+    assert!(both["detail"].as_str().unwrap().contains("give one of the two"), "{both:#}");
 }
 
 #[test]

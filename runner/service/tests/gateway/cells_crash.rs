@@ -16,6 +16,7 @@ use softplug_live::port::ReadOutcome;
 use softplug_live::pty::PtyPair;
 use softplug_service::config::Config;
 use softplug_service::gateway::{Gateway, Running, start};
+use softplug_service::jobs::BeginAt;
 use softplug_service::library::Library;
 use softplug_service::view::{CellChannelState, JobFilter, JobOrder, JobState};
 
@@ -178,6 +179,52 @@ fn who_stood_through_two_crashes_goes_on_where_it_stood() {
     stood.comes(BEHIND);
 }
 
+const LOADS: &str = "(SOFTPLUG LOAD C1 S)\n(SOFTPLUG START C1)\nG0 X1\n(SOFTPLUG WAIT 7 C2)\nM30\n";
+
+#[test]
+fn what_was_started_and_had_not_begun_ends_with_the_stop() {
+    const TEST: &str = "what_was_started_and_had_not_begun_ends_with_the_stop";
+    if let Some(folder) = std::env::var_os(FOLDER) {
+        load_and_start(Path::new(&folder));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let ptys: Vec<PtyPair> = (0..CHANNELS).map(|_| PtyPair::open().unwrap()).collect();
+    configure(folder.path(), &ptys, "stop");
+    let file = folder.path().join("gateway.toml");
+    let whole = fs::read_to_string(&file).unwrap().replace("8N1\"", "8N1\"\nsearch = [\"parts\"]");
+    let port = ptys[1].slave_path().display().to_string();
+    fs::write(&file, whole.replace(&port, "/nonexistent/port")).unwrap();
+    fs::create_dir_all(folder.path().join("programs/parts")).unwrap();
+    fs::write(folder.path().join("programs/parts/S"), "G0 X2\nM30\n").unwrap();
+    fs::write(folder.path().join("programs/A"), LOADS).unwrap();
+    drop(Killed::doing(folder.path(), TEST, ""));
+    fs::write(&file, whole).unwrap();
+    let running = start(Config::read(&file).unwrap()).unwrap();
+    let gateway = running.gateway();
+    wait_for("its end", || last(gateway, 1).unwrap().1 == JobState::Aborted);
+    gateway.clear_cell("cell").unwrap();
+    sleep(A_WHILE);
+    let mut machines: Vec<Machine> = ptys.iter().map(|_| Machine::default()).collect();
+    read(&ptys, &mut machines);
+    assert!(machines[1].bytes.is_empty(), "{:?}", machines[1].bytes);
+}
+
+/// The gateway of a program that has started another one, whose machine is not there.
+fn load_and_start(folder: &Path) -> ! {
+    let running = start(Config::read(&folder.join("gateway.toml")).unwrap()).unwrap();
+    let gateway = running.gateway();
+    let order = JobOrder { program: Some("A".to_owned()), ..JobOrder::default() };
+    gateway.submit("C0", &order).unwrap();
+    wait_for("a program that is started", || {
+        let is_started = gateway.cell("cell").unwrap().channels[1].program.is_some();
+        is_started && last(gateway, 1).is_some_and(|(_, state)| state == JobState::Queued)
+    });
+    println!("begun");
+    loop {
+        sleep(Duration::from_secs(1));
+    }
+}
+
 /// What a machine got: lines, of which the last may not be whole.
 #[derive(Default)]
 struct Machine {
@@ -255,8 +302,8 @@ fn work(folder: &Path) -> ! {
         let Some((id, JobState::Interrupted)) = last(gateway, at) else { continue };
         let last = gateway.job(JobId(id)).unwrap().last_block.unwrap_or(0);
         // All may have left: then its last block does no harm.
-        let restarted = gateway.restart(JobId(id), Some(last + 1));
-        restarted.or_else(|_| gateway.restart(JobId(id), Some(last))).unwrap();
+        let restarted = gateway.restart(JobId(id), BeginAt::Block(last + 1));
+        restarted.or_else(|_| gateway.restart(JobId(id), BeginAt::Block(last))).unwrap();
     }
     println!("begun");
     loop {

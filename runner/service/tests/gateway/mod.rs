@@ -25,6 +25,7 @@ use softplug_abi::JobId;
 use std::collections::BTreeMap;
 
 use shop::{Shop, wait_for};
+use softplug_service::jobs::BeginAt;
 use softplug_service::view::{
     JobFilter, JobOrder, JobState, JournalFilter, LinkState, SwapOrder, SwapState, SwapWhen,
 };
@@ -97,7 +98,7 @@ fn jobs_wait_in_order_and_can_be_steered() {
     let state = |id| gateway.job(id).unwrap().state;
     shop.drain(0, || state(JobId(low.id)) == JobState::Done);
     assert_eq!(state(JobId(long.id)), JobState::Aborted);
-    let again = gateway.restart(JobId(long.id), Some(3)).unwrap();
+    let again = gateway.restart(JobId(long.id), BeginAt::Block(3)).unwrap();
     assert_eq!((again.restart_of, again.start_block), (Some(long.id), 3));
     gateway.abort(JobId(again.id)).unwrap();
     shop.drain(0, || state(JobId(again.id)) == JobState::Aborted);

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use softplug_service::Gateway;
+use softplug_service::jobs::BeginAt;
 use softplug_service::view::{
     Change, JobFilter, JobProgress, JobState, LinkState, LinkView, StopHow,
 };
@@ -146,7 +147,7 @@ fn what_ended_badly_is_trouble_until_somebody_has_seen_it_also_after_a_restart()
     assert_eq!(link(gateway).unseen.iter().map(|job| job.id).collect::<Vec<_>>(), [begun]);
     wait_for("the journal", || journal_says(gateway, "have been seen"));
     // Who restarts it has seen it.
-    let again = gateway.restart(JobId(begun), None).unwrap().id;
+    let again = gateway.restart(JobId(begun), BeginAt::Start).unwrap().id;
     assert_eq!((link(gateway).unseen_count, link(gateway).trouble), (0, Vec::new()));
     let early = gateway.acknowledge(JobId(again)).unwrap_err().to_string();
     assert!(early.contains("when it has ended"), "{early}");

@@ -156,6 +156,9 @@ pub(crate) struct Restart {
     /// Begin at this block of the program, counted from 1
     #[arg(long, value_name = "N")]
     pub(crate) from_block: Option<u64>,
+    /// Leave out so many bytes of the program
+    #[arg(long, value_name = "BYTES", conflicts_with = "from_block")]
+    pub(crate) from_byte: Option<u64>,
 }
 
 /// Gives a job that waits another priority

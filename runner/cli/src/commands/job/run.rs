@@ -25,6 +25,7 @@ const LOOK: Duration = Duration::from_millis(250);
 #[derive(Serialize)]
 struct Restart {
     from_block: Option<u64>,
+    from_byte: Option<u64>,
 }
 
 #[derive(Serialize)]
@@ -47,7 +48,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         Verb::Abort(of) => (order(of.id, "abort")?, false),
         Verb::Acknowledge(of) => (order(of.id, "acknowledge")?, false),
         Verb::Restart(of) => {
-            let order = Restart { from_block: of.from_block };
+            let order = Restart { from_block: of.from_block, from_byte: of.from_byte };
             (client.post(&format!("/jobs/{}/restart", of.id), Some(&order))?, false)
         }
         Verb::Priority(of) => {

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use softplug_cell::{AfterCrash, Cell, ChannelSet, Chart, End, Event, Mode};
 
+use super::super::jobs::JobCommand;
 use super::{CellState, ChannelJob, Control, SPANS, SavedCell};
 use crate::config::CellConfig;
 use crate::jobs::{
@@ -215,7 +216,7 @@ impl Control {
                     }
                 }
                 // Started, and still in the queue.
-                None if self.starts(setup.channel_name(channel)) => {}
+                None if !self.started(setup.channel_name(channel)).is_empty() => {}
                 _ => cut_off.insert(channel),
             }
         }
@@ -233,8 +234,28 @@ impl Control {
         });
         if is_at_work {
             self.happened(name, Event::Restarted { cut_off, policy });
+            if policy == AfterCrash::Stop {
+                self.end_started(config);
+            }
         }
         self.load_again(config);
+    }
+
+    /// Programs that others had started, and that had not begun, have ended with the cell's.
+    fn end_started(&mut self, config: &CellConfig) {
+        for channel in config.setup.channels() {
+            for job in self.started(config.setup.channel_name(channel)) {
+                let text = format!(
+                    "{}: the program of job {job} was started and had not begun: it has ended",
+                    config.name
+                );
+                let note = Note::new(Subject::Cell, text).of_job(job).weighing(Weight::Warning);
+                self.shared.parts.journal_writer.note(note);
+                if let Err(refusal) = self.steer(job, JobCommand::Abort) {
+                    tracing::error!(%refusal, %job, "what was started begins when the cell is cleared");
+                }
+            }
+        }
     }
 
     /// A job that goes on with one that stands behind a block is the channel's, before it begins.
@@ -264,10 +285,11 @@ impl Control {
         Some(Resumed { spec, stops, is_paused })
     }
 
-    /// Whether a program that was started there is in the queue.
-    fn starts(&self, link: &str) -> bool {
-        let live = self.shared.parts.jobs.live();
-        live.iter().any(|job| job.spec.link == link && job.spec.start == Some(Start::Given))
+    /// Programs that were started there and are in the queue.
+    fn started(&self, link: &str) -> Vec<JobId> {
+        let live = self.shared.parts.jobs.live().into_iter();
+        let is_started = |job: &Job| job.spec.link == link && job.spec.start == Some(Start::Given);
+        live.filter(is_started).map(|job| job.id).collect()
     }
 
     /// What was loaded when the gateway was ended, and is in no queue.

@@ -15,6 +15,8 @@ use super::super::limits::FEED_PACE;
 use super::super::problem::{Problem, Refused};
 use super::super::upload;
 use super::{Answer, At, within_limit};
+use crate::Refusal;
+use crate::jobs::BeginAt;
 use crate::view::{CheckView, JobFilter, JobOrder, JobView};
 
 /// Put a job into a link's queue
@@ -168,13 +170,30 @@ pub(super) async fn abort(State(app): At, Segments(id): Segments<u32>) -> Answer
     app.ask(move |gateway| gateway.abort(JobId(id))).await.map(Json)
 }
 
-/// Where a job that has ended begins again.
+/// Where a job that has ended begins again: at a block, at a byte, or at the program's beginning.
 #[derive(Debug, Default, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RestartOrder {
-    /// The block, counted from 1; the whole program if nothing is said.
+    /// The block, counted from 1.
     #[serde(default)]
     from_block: Option<u64>,
+    /// So many bytes of the program are left out.
+    #[serde(default)]
+    from_byte: Option<u64>,
+}
+
+impl RestartOrder {
+    fn at(&self) -> Result<BeginAt, Refusal> {
+        match (self.from_block, self.from_byte) {
+            (None, None) => Ok(BeginAt::Start),
+            (Some(block), None) => Ok(BeginAt::Block(block)),
+            (None, Some(byte)) => Ok(BeginAt::Byte(byte)),
+            (Some(_), Some(_)) => {
+                let text = "a job begins at a block or at a byte: give one of the two";
+                Err(Refusal::invalid("from_byte", text))
+            }
+        }
+    }
 }
 
 /// Put a job that has ended into the queue again, as a new job
@@ -188,7 +207,7 @@ pub(super) async fn restart(
     Segments(id): Segments<u32>,
     Document(order): Document<RestartOrder>,
 ) -> Answer<(StatusCode, Json<JobView>)> {
-    let job = app.ask(move |gateway| gateway.restart(JobId(id), order.from_block)).await?;
+    let job = app.ask(move |gateway| gateway.restart(JobId(id), order.at()?)).await?;
     Ok((StatusCode::CREATED, Json(job)))
 }
 
