@@ -142,3 +142,16 @@ fn a_word_means_what_it_says() {
     assert_eq!(words, [&Word::Get { axis: c2, forced: true }, &Word::Release { axis: gantry }]);
     assert_eq!([read.stops[0].at, read.stops[1].at], [44, 44]);
 }
+
+#[test]
+fn a_line_end_of_lf_cr_is_one() {
+    for end in ["\n\r", "\n\r\r"] {
+        let program = format!("O1{end}WAI 1 LOADER{end}{end}G1{end}");
+        let (sent, stops) = read(&program, "wai").unwrap();
+        assert_eq!(sent, format!("O1{end}{end}G1{end}"));
+        assert_eq!(
+            stops.iter().map(|(at, block, _)| (*at as usize, *block)).collect::<Vec<_>>(),
+            [(2 + end.len(), 2)]
+        );
+    }
+}

@@ -219,6 +219,8 @@ pub(crate) fn start_log(global: &Global) {
         .with_env_filter(EnvFilter::new(log_filter(global, "warn")))
         .with_writer(io::stderr)
         .with_ansi(log_colours(global))
+        // Told on standard error, which is where it was not written, it would end the command.
+        .log_internal_errors(false)
         .without_time()
         .with_target(false);
     // A second one in one process (tests) keeps the first log.

@@ -339,7 +339,8 @@ impl ReservoirReader {
 impl Drop for ReservoirReader {
     fn drop(&mut self) {
         self.shared.reader_is_gone.store(true, Ordering::SeqCst);
-        self.shared.wake_writer(0);
+        self.shared.wake_writer_at.store(NEVER, Ordering::SeqCst);
+        wake(&self.shared.writer_waker);
     }
 }
 

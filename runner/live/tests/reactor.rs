@@ -206,7 +206,7 @@ fn what_a_machine_sends_waits_for_room_and_arrives_whole() {
     // The plug-in may take a pause for the end; the rest is the next delivery.
     while received.len() < sent.len() {
         let begun = bench.wait_for(lane, |report| matches!(report, Report::DeliveryBegun { .. }));
-        let Report::DeliveryBegun { delivery, job: None, mut bytes } = begun else {
+        let Report::DeliveryBegun { delivery, job: None, unit: None, mut bytes } = begun else {
             unreachable!()
         };
         if received.is_empty() {

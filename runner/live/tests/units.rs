@@ -1,20 +1,21 @@
 //! What a unit says that is not so: one is played here, over loopback.
 
 use std::io::{Read, Write};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use mio::net::TcpListener;
 use mio::{Events, Interest, Poll, Token};
-use softplug_abi::{Failure, JobId, LinkDownReason, Micros};
+use softplug_abi::{DeliveryId, Failure, JobId, LinkDownReason, Micros, RequestId};
 use softplug_link::Job;
 use softplug_live::clock::Clock;
 use softplug_live::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
-use softplug_live::reservoir::reservoir;
+use softplug_live::reservoir::{Drawn, reservoir};
 use softplug_live::units::{
-    TlsKeys, TlsPrivateKey, UnitAddress, UnitClient, UnitClientError, UnitCommand, UnitPlace,
-    UnitPlugin, UnitSetup, Units,
+    StoredDelivery, TlsKeys, TlsPrivateKey, UnitAddress, UnitClient, UnitClientError, UnitCommand,
+    UnitPlace, UnitPlugin, UnitSetup, Units,
 };
 use softplug_unit_protocol::{
     Encoded, Identity, Messages, Outcome, Role, Session, SlotState, ToServer, ToUnit,
@@ -132,6 +133,14 @@ impl Played {
     }
 
     fn that_takes<const TAKES: usize>(module: &[u8], answers: Answers) -> Self {
+        Self::that_knows::<TAKES>(module, None, answers)
+    }
+
+    fn that_knows<const TAKES: usize>(
+        module: &[u8],
+        stored: Option<StoredDelivery>,
+        answers: Answers,
+    ) -> Self {
         let (unit, thread) = listening::<TAKES>(answers);
         let thread = Some(thread);
         let (tell, reports) = channel();
@@ -144,7 +153,15 @@ impl Played {
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_secs(1) };
         units.add(
             LANE,
-            UnitSetup { address, plugin, delivery_room: 4_096, reopen, bus: None, tls: None },
+            UnitSetup {
+                address,
+                plugin,
+                delivery_room: 4_096,
+                stored,
+                reopen,
+                bus: None,
+                tls: None,
+            },
         );
         Self { units: Some(units), reports, thread }
     }
@@ -261,6 +278,102 @@ fn a_unit_that_sends_more_than_it_may_is_sent_away() {
         _ => None,
     });
     assert!(detail.contains("the unit at 127.0.0.1"), "{detail}");
+}
+
+/// A unit that says a delivery three times, as one does that has not heard that it is stored; then
+/// another one, and no more.
+fn says_again(message: &ToUnit<'_>, outbox: &mut Outbox, stored: &AtomicU32) {
+    honest(message, outbox, "mill");
+    let delivery = match message {
+        ToUnit::Query {} => 1,
+        ToUnit::Stored { delivery, until: 3, is_whole: true, .. } => {
+            match (*delivery, stored.fetch_add(1, Ordering::SeqCst)) {
+                (1, 0 | 1) => 1,
+                (1, _) => 2,
+                _ => return,
+            }
+        }
+        _ => return,
+    };
+    let (link, size) = (0, 3);
+    outbox.push(&ToServer::Delivery { link, delivery, job: 0, at: 0, name: "" }, false);
+    outbox.push(&ToServer::Delivered { link, delivery, at: 0, bytes: b"O77" }, false);
+    outbox.push(&ToServer::DeliveryEnded { link, delivery, failure: None, status: 0, size }, false);
+}
+
+/// What is reported of deliveries, each put away, up to the end of the second one.
+fn kept(played: &Played) -> Vec<(DeliveryId, String)> {
+    let (mut readers, mut kept) = (Vec::new(), Vec::new());
+    while kept.last().is_none_or(|(id, _)| *id != DeliveryId(2)) {
+        match played.reports.recv_timeout(PATIENCE).expect("it is told").1 {
+            Report::DeliveryBegun { delivery, unit, bytes, .. } => {
+                assert_eq!(unit, Some(2));
+                readers.push((delivery, bytes));
+            }
+            Report::DeliveryEnded { delivery, failure: None, bytes: 3, .. } => {
+                let (_, mut reader) = readers.pop().expect("it has begun");
+                let mut buffer = [0; 8];
+                assert_eq!(reader.read(&mut buffer), Drawn::Bytes(3));
+                kept.push((delivery, String::from_utf8_lossy(&buffer[..3]).into_owned()));
+            }
+            _ => {}
+        }
+    }
+    kept
+}
+
+#[test]
+fn a_delivery_that_is_said_again_is_kept_once() {
+    static STORED: AtomicU32 = AtomicU32::new(0);
+    let played = Played::with(|message, outbox| says_again(message, outbox, &STORED));
+    let both = [1, 2].map(|number| (DeliveryId(number), "O77".to_owned()));
+    assert_eq!(kept(&played), both);
+    assert_eq!(STORED.load(Ordering::SeqCst), 3);
+}
+
+#[test]
+fn a_delivery_that_the_gateway_before_has_stored_is_not_kept() {
+    static STORED: AtomicU32 = AtomicU32::new(0);
+    let stored = StoredDelivery { unit: 2, delivery: DeliveryId(1) };
+    let answers: Answers = |message, outbox| says_again(message, outbox, &STORED);
+    let played = Played::that_knows::<1024>(b"wasm", Some(stored), answers);
+    assert_eq!(kept(&played), [(DeliveryId(2), "O77".to_owned())]);
+    // Of another unit it says nothing: its numbers are others.
+    static OTHER: AtomicU32 = AtomicU32::new(2);
+    let stored = StoredDelivery { unit: 3, delivery: DeliveryId(9) };
+    let answers: Answers = |message, outbox| says_again(message, outbox, &OTHER);
+    let played = Played::that_knows::<1024>(b"wasm", Some(stored), answers);
+    assert_eq!(kept(&played).len(), 2);
+}
+
+/// A unit whose machine asks for something, and that asks again when it is answered, as one does that
+/// has not heard the answer.
+#[test]
+fn a_request_that_is_said_again_gets_the_answer_that_it_got() {
+    static ANSWERS: AtomicU32 = AtomicU32::new(0);
+    let played = Played::with(|message, outbox| {
+        honest(message, outbox, "mill");
+        let asks = match message {
+            ToUnit::Query {} => true,
+            ToUnit::Answer { request: 7, refused: None, is_last: true, bytes: b"O77", .. } => {
+                ANSWERS.fetch_add(1, Ordering::SeqCst) < 2
+            }
+            _ => return,
+        };
+        let (link, request, kind, fields) = (0, if asks { 7 } else { 8 }, 0, &[][..]);
+        outbox.push(&ToServer::Request { link, request, kind, fields }, false);
+    });
+    let asked = || {
+        played.until(|report| match report {
+            Report::Request { request, .. } => Some(*request),
+            _ => None,
+        })
+    };
+    assert_eq!(asked(), RequestId(7));
+    let answer = UnitCommand::Answer { request: RequestId(7), answer: Ok(b"O77".to_vec()) };
+    played.units.as_ref().unwrap().tell(LANE, answer);
+    assert_eq!(asked(), RequestId(8));
+    assert_eq!(ANSWERS.load(Ordering::SeqCst), 3);
 }
 
 #[test]
@@ -399,7 +512,10 @@ fn down_with_tls(says: &'static [u8]) -> (UnitPlace, TlsKeys, String) {
     let (address, tls) = (UnitAddress { unit: unit.clone(), link: None }, Some(keys.clone()));
     let reopen = Backoff { first: Micros::from_secs(60), longest: Micros::from_secs(60) };
     let (plugin, delivery_room) = (plugin(b"wasm"), 4_096);
-    units.add(LANE, UnitSetup { address, tls, plugin, delivery_room, reopen, bus: None });
+    units.add(
+        LANE,
+        UnitSetup { address, tls, plugin, delivery_room, stored: None, reopen, bus: None },
+    );
     loop {
         if let Report::Down { detail, .. } = reports.recv_timeout(PATIENCE).expect("it is told") {
             return (unit, keys, detail);

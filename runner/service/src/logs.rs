@@ -14,6 +14,9 @@ pub fn start(format: LogFormat, filter: &str, colours: bool) {
         .with_env_filter(EnvFilter::new(filter))
         .with_writer(io::stderr)
         .with_ansi(colours)
+        // A line that cannot be written is lost. Told on standard error, which is where it could not
+        // be written, it would end the process.
+        .log_internal_errors(false)
         .with_target(false);
     let started = match format {
         LogFormat::Human => log.try_init(),

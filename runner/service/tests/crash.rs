@@ -163,7 +163,15 @@ fn receive(reception_writer: &ReceptionWriter, number: u64) {
     let (mut writer, reader) = reservoir(64 * 1_024, 0, 64 * 1_024);
     let (link, place) = ("lathe".to_owned(), "lathe".to_owned());
     let (lane, delivery) = (LaneId(1), DeliveryId(number as u32 | 1 << 31));
-    reception_writer.take(Incoming { lane, link, place, delivery, job: None, bytes: reader });
+    reception_writer.take(Incoming {
+        lane,
+        link,
+        place,
+        delivery,
+        job: None,
+        unit: None,
+        bytes: reader,
+    });
     let bytes = program(number);
     for piece in bytes.chunks(1_000) {
         assert_eq!(writer.write(piece), piece.len());

@@ -253,6 +253,7 @@ fn receptions_are_put_away_named_and_compared() {
             place,
             delivery: DeliveryId(delivery),
             job: None,
+            unit: None,
             bytes: reader,
         });
         let mut rest = bytes;
@@ -298,6 +299,7 @@ fn what_is_under_way_when_the_gateway_ends_is_kept_as_failed() {
         place,
         delivery: DeliveryId(1),
         job: None,
+        unit: None,
         bytes: reader,
     });
     writer.write(b"O1 half");
@@ -322,6 +324,7 @@ fn while_the_disk_takes_nothing_nothing_is_read_and_nothing_is_lost() {
         place: "lathe".to_owned(),
         delivery: DeliveryId(1),
         job: None,
+        unit: None,
         bytes: reader,
     };
     reception_writer.take(incoming);

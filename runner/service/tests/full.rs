@@ -51,6 +51,7 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
         place,
         delivery: DeliveryId(1),
         job: None,
+        unit: None,
         bytes: reader,
     });
     assert!(matches!(next(&news), ReceptionWriterNews::Begun(_)));
@@ -93,6 +94,7 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
         place,
         delivery: DeliveryId(2),
         job: None,
+        unit: None,
         bytes: reader,
     });
     assert!(matches!(next(&news), ReceptionWriterNews::Begun(_)));

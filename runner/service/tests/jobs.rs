@@ -1,10 +1,11 @@
 //! Jobs: the queue, what is written down, and what a new start makes of it.
 
-use softplug_abi::JobId;
+use softplug_abi::{DeliveryId, JobId};
 use std::path::Path;
 
 use proptest::prelude::*;
 use softplug_host::Digest;
+use softplug_live::units::StoredDelivery;
 use softplug_service::jobs::{
     Advance, BeginAt, Comparison, Data, Ending, EntryFilter, Extent, Job, JobFilter, JobSpec, Jobs,
     Keep, Kind, Left, Note, Origin, Reason, Reception, State, Subject, Weight,
@@ -290,7 +291,7 @@ fn receptions_are_jobs_that_do_not_keep_others_from_being_sent() {
     assert_eq!(jobs.next("lathe").unwrap().id, sending);
     let compared = Some(Comparison { with: 1, differs_at: Some(17) });
     let reception = Reception { file: Some("O1-2".into()), bytes: 30, is_complete: true, compared };
-    let ended = jobs.received(coming.id, Some("O1".into()), reception.clone(), None).unwrap();
+    let ended = jobs.received(coming.id, Some("O1".into()), reception.clone(), None, None).unwrap();
     assert_eq!((ended.state, ended.reception), (State::Done, Some(reception.clone())));
 
     let failed = jobs.receive("lathe").unwrap();
@@ -301,7 +302,10 @@ fn receptions_are_jobs_that_do_not_keep_others_from_being_sent() {
         compared: None,
         ..reception.clone()
     };
-    assert_eq!(jobs.received(failed.id, None, cut, Some(reason)).unwrap().state, State::Failed);
+    assert_eq!(
+        jobs.received(failed.id, None, cut, Some(reason), None).unwrap().state,
+        State::Failed
+    );
     assert_eq!(
         texts(&jobs)[2..],
         [
@@ -313,7 +317,7 @@ fn receptions_are_jobs_that_do_not_keep_others_from_being_sent() {
     // An answer belongs to the job that asked for it, which ends by itself.
     let fetch = jobs.submit(JobSpec::new("mill", Kind::Fetch, "fetch")).unwrap().id;
     jobs.begin(fetch).unwrap();
-    assert_eq!(jobs.received(fetch, None, reception, None).unwrap().state, State::Running);
+    assert_eq!(jobs.received(fetch, None, reception, None, None).unwrap().state, State::Running);
     let ended = jobs.end(fetch, Ending::Done, None).unwrap();
     assert!(ended.reception.is_some() && ended.state == State::Done);
 }
@@ -461,4 +465,26 @@ fn what_was_sent_is_known_by_its_file_and_by_the_name_that_it_says_of_itself() {
     let named = Some("O0012".to_owned());
     let same = jobs.submit(JobSpec { named, ..JobSpec::send("lathe", "12.nc", DATA()) }).unwrap();
     assert_eq!(same.other_name(), None);
+}
+
+#[test]
+fn the_last_delivery_of_a_unit_that_is_stored_is_known_after_a_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let stored = |delivery| StoredDelivery { unit: 1 << 40, delivery: DeliveryId(delivery) };
+    let reception = Reception { file: None, bytes: 3, is_complete: true, compared: None };
+    {
+        let (jobs, _) = Jobs::open(folder.path(), Keep::default()).unwrap();
+        assert_eq!(jobs.reader().stored_delivery("mill").unwrap(), None);
+        for delivery in [3, 4] {
+            let coming = jobs.receive("mill").unwrap();
+            let kept =
+                jobs.received(coming.id, None, reception.clone(), None, Some(stored(delivery)));
+            assert_eq!(kept.unwrap().state, State::Done);
+        }
+        let local = jobs.receive("mill").unwrap();
+        jobs.received(local.id, None, reception, None, None).unwrap();
+    }
+    let (jobs, _) = Jobs::open(folder.path(), Keep::default()).unwrap();
+    assert_eq!(jobs.reader().stored_delivery("mill").unwrap(), Some(stored(4)));
+    assert_eq!(jobs.reader().stored_delivery("lathe").unwrap(), None);
 }

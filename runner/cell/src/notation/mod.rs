@@ -309,9 +309,11 @@ fn without_comments(text: &str) -> String {
     bare
 }
 
-/// Each with its end, which is LF, CR LF or CR.
+/// Each with its end, which is LF, CR LF or CR; LF CR and LF CR CR where the first one is that.
 fn lines(program: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = program;
+    let first = program.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+    let returns_follow = first.is_some_and(|at| program[at..].starts_with(b"\n\r"));
     std::iter::from_fn(move || {
         if rest.is_empty() {
             return None;
@@ -320,6 +322,9 @@ fn lines(program: &[u8]) -> impl Iterator<Item = &[u8]> {
         let mut end = end.map_or(rest.len(), |end| end + 1);
         // CR LF, and CR CR LF as some controls punch it.
         while end < rest.len() && rest[end - 1] == b'\r' && matches!(rest[end], b'\r' | b'\n') {
+            end += 1;
+        }
+        while returns_follow && end > 0 && rest.get(end) == Some(&b'\r') {
             end += 1;
         }
         let (line, after) = rest.split_at(end);

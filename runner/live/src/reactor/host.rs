@@ -235,7 +235,10 @@ impl LaneHost {
             let (writer, bytes) = reservoir(self.delivery_room, 0, self.delivery_room);
             writer.wake_with(self.wake.clone());
             let job = Some(job).filter(|job| *job != JobId::NONE);
-            self.tell_of_action(now, Report::DeliveryBegun { delivery: id, job, bytes });
+            self.tell_of_action(
+                now,
+                Report::DeliveryBegun { delivery: id, job, unit: None, bytes },
+            );
             Some(writer)
         };
         if self.deliveries.len() >= DELIVERIES {

@@ -51,8 +51,11 @@ pub enum Report {
         delivery: DeliveryId,
         /// The job that it answers.
         job: Option<JobId>,
+        /// The identity of the unit that has numbered it, and says it again until it is stored;
+        /// `None`: it came on a port of this computer.
+        unit: Option<u64>,
         /// Its bytes, to be put away. Reading makes room; dropping it drops what
-        /// is still to come.
+        /// is still to come. It is stored when this is dropped.
         bytes: ReservoirReader,
     },
     /// Its name was found.

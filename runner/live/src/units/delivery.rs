@@ -7,6 +7,7 @@ use softplug_unit_protocol::ToUnit;
 use softplug_unit_uplink::Outbox;
 use std::task::Waker;
 
+use super::StoredDelivery;
 use crate::reactor::Report;
 use crate::reservoir::{ReservoirWriter, reservoir};
 
@@ -20,9 +21,12 @@ const MOST: usize = 16;
 pub(super) struct Flood;
 
 /// Deliveries of a link, by the unit's number.
-#[derive(Default)]
 pub(super) struct Arrivals {
+    /// The identity of the unit that numbers them.
+    unit: u64,
     arriving: BTreeMap<DeliveryId, Arriving>,
+    /// The last one that is stored whole, and with it all that the unit numbered before.
+    stored: Option<StoredDelivery>,
 }
 
 struct Arriving {
@@ -36,9 +40,22 @@ struct Arriving {
     name: String,
     told: u64,
     end: Option<(Option<Failure>, u16, u64)>,
+    /// Its end is reported, and it is being put away.
+    is_over: bool,
+    /// It is stored already, and the unit has not heard of that: nobody is told of it again.
+    is_known: bool,
 }
 
 impl Arrivals {
+    pub(super) fn new(stored: Option<StoredDelivery>) -> Self {
+        Self { unit: 0, arriving: BTreeMap::new(), stored }
+    }
+
+    /// A session has begun with this unit.
+    pub(super) fn session_began(&mut self, unit: u64) {
+        self.unit = unit;
+    }
+
     /// It is announced, for the first time or again. What is to be reported.
     pub(super) fn announced(
         &mut self,
@@ -52,12 +69,17 @@ impl Arrivals {
         if self.arriving.len() >= MOST && !self.arriving.contains_key(&delivery) {
             return Err(Flood);
         }
+        let unit = self.unit;
+        let is_known =
+            self.stored.is_some_and(|last| last.unit == unit && delivery <= last.delivery);
         let mut reports = Vec::new();
         let arriving = self.arriving.entry(delivery).or_insert_with(|| {
             let room = room as usize;
             let (writer, bytes) = reservoir(room, 0, room);
             writer.wake_with(waker.clone());
-            reports.push(Report::DeliveryBegun { delivery, job, bytes });
+            if !is_known {
+                reports.push(Report::DeliveryBegun { delivery, job, unit: Some(unit), bytes });
+            }
             Arriving {
                 writer,
                 waiting: Vec::new(),
@@ -66,11 +88,13 @@ impl Arrivals {
                 name: String::new(),
                 told: at,
                 end: None,
+                is_over: false,
+                is_known,
             }
         });
         // In another session what was told counts anew.
         arriving.told = arriving.told.min(at);
-        if name != arriving.name {
+        if name != arriving.name && !arriving.is_known {
             name.clone_into(&mut arriving.name);
             reports.push(Report::DeliveryNamed { delivery, name: name.to_owned() });
         }
@@ -112,36 +136,38 @@ impl Arrivals {
 
     /// Moves what has come on, and tells the unit what has been put away.
     pub(super) fn pump(&mut self, link: u8, outbox: &mut Outbox) -> Vec<Report> {
-        let mut reports = Vec::new();
-        self.arriving.retain(|&delivery, arriving| {
+        let (mut reports, unit) = (Vec::new(), self.unit);
+        let Self { arriving, stored, .. } = self;
+        arriving.retain(|&delivery, arriving| {
             let taken = arriving.writer.write(&arriving.waiting);
             arriving.waiting.drain(..taken);
-            let stored = arriving.from + arriving.writer.consumed();
-            // Nobody will read it: it is dropped.
-            let is_dropped = arriving.writer.is_abandoned();
-            let stored = if is_dropped { arriving.came } else { stored };
-            let is_whole = arriving.waiting.is_empty() || is_dropped;
-            if let Some((failure, status, size)) = arriving.end
-                && is_whole
-                && stored == arriving.came
+            // Whoever reads it has put it away, or dropped it.
+            let is_gone = arriving.writer.is_abandoned();
+            if is_gone {
+                arriving.waiting.clear();
+            }
+            if let Some(end) = arriving.end
+                && arriving.waiting.is_empty()
+                && !arriving.is_over
             {
                 arriving.writer.finish();
-                let (until, is_whole) = (stored, true);
-                outbox.push(&ToUnit::Stored { link, delivery: delivery.0, until, is_whole }, false);
-                // What was stored before this process began is not here.
-                let failure = if arriving.from > 0 {
-                    failure.or(Some(Failure::Interrupted))
-                } else {
-                    failure
-                };
-                let bytes = size - arriving.from.min(size);
-                reports.push(Report::DeliveryEnded { delivery, failure, status, bytes });
+                arriving.is_over = true;
+                reports.extend(arriving.ended(delivery, end));
+            }
+            if is_gone && arriving.is_over {
+                let until = arriving.came;
+                let message = ToUnit::Stored { link, delivery: delivery.0, until, is_whole: true };
+                outbox.push(&message, false);
+                let known = stored.filter(|last| last.unit == unit && last.delivery > delivery);
+                *stored = known.or(Some(StoredDelivery { unit, delivery }));
                 return false;
             }
-            if stored > arriving.told {
-                arriving.told = stored;
-                let (until, is_whole) = (stored, false);
-                outbox.push(&ToUnit::Stored { link, delivery: delivery.0, until, is_whole }, false);
+            let until =
+                if is_gone { arriving.came } else { arriving.from + arriving.writer.consumed() };
+            if until > arriving.told {
+                arriving.told = until;
+                let message = ToUnit::Stored { link, delivery: delivery.0, until, is_whole: false };
+                outbox.push(&message, false);
             }
             if arriving.writer.level() > 0 {
                 arriving.writer.wake_at(0);
@@ -155,6 +181,7 @@ impl Arrivals {
     pub(super) fn interrupted(&mut self) -> Vec<Report> {
         std::mem::take(&mut self.arriving)
             .into_iter()
+            .filter(|(_, arriving)| !arriving.is_over && !arriving.is_known)
             .map(|(delivery, mut arriving)| {
                 arriving.writer.write(&arriving.waiting);
                 arriving.writer.finish();
@@ -163,5 +190,21 @@ impl Arrivals {
                 Report::DeliveryEnded { delivery, failure, status: 0, bytes }
             })
             .collect()
+    }
+}
+
+impl Arriving {
+    /// What is reported of its end.
+    fn ended(
+        &self,
+        delivery: DeliveryId,
+        (failure, status, size): (Option<Failure>, u16, u64),
+    ) -> Option<Report> {
+        // What was stored before this process began is not here.
+        let is_cut = self.from > 0;
+        let failure = if is_cut { failure.or(Some(Failure::Interrupted)) } else { failure };
+        let bytes = size - self.from.min(size);
+        let report = Report::DeliveryEnded { delivery, failure, status, bytes };
+        (!self.is_known).then_some(report)
     }
 }

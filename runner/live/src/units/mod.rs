@@ -30,7 +30,7 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-use softplug_abi::{Failure, JobId, RequestId};
+use softplug_abi::{DeliveryId, Failure, JobId, RequestId};
 use softplug_unit_protocol::Session;
 
 use crate::error::PortError;
@@ -93,11 +93,23 @@ pub struct UnitSetup {
     pub plugin: UnitPlugin,
     /// Bytes of deliveries that may wait to be put away.
     pub delivery_room: u32,
+    /// The last delivery of this link that is stored, if one is known: a unit says again what it has
+    /// not heard of.
+    pub stored: Option<StoredDelivery>,
     /// How often to try again for a connection.
     pub reopen: Backoff,
     /// The [bus](Units::set_buses) whose scheduler says when its job data may leave; `None`, or a
     /// name that is no bus: whenever the unit has room.
     pub bus: Option<String>,
+}
+
+/// A delivery that a unit has numbered, and with it all that came from that unit before.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct StoredDelivery {
+    /// The unit's identity: new at each of its starts, as its numbers are.
+    pub unit: u64,
+    /// Its number.
+    pub delivery: DeliveryId,
 }
 
 /// A bus, over which many units are fed.

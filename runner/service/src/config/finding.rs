@@ -55,6 +55,12 @@ pub enum ConfigError {
         /// What the system says.
         reason: String,
     },
+    /// A file that had links has nothing in it any more.
+    #[error("{} is empty, as if it could not be written: write it again", file.display())]
+    Empty {
+        /// The file.
+        file: PathBuf,
+    },
     /// It can be read, and says what cannot be done.
     #[error("{}", list(.0))]
     Wrong(Vec<ConfigFinding>),

@@ -6,11 +6,39 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::Duration;
 
+use notify::event::{AccessKind, AccessMode, ModifyKind};
 use notify::{Event, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 
 /// Editors write in several steps: the file is read when it has been left alone
 /// for so long.
 const SETTLED: Duration = Duration::from_millis(300);
+/// Somebody has written into it and not closed it: it is not whole, unless the system does not tell.
+const UNCLOSED: Duration =
+    if cfg!(target_os = "linux") { Duration::from_secs(30) } else { SETTLED };
+
+/// What was seen of the file.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+enum Seen {
+    /// Somebody writes into it.
+    Written,
+    /// Whoever wrote into it is done, or another file was put in its place.
+    Whole,
+}
+
+impl Seen {
+    fn of(kind: EventKind) -> Option<Self> {
+        match kind {
+            EventKind::Access(AccessKind::Close(AccessMode::Write)) => Some(Self::Whole),
+            EventKind::Access(_) => None,
+            EventKind::Modify(ModifyKind::Data(_)) => Some(Self::Written),
+            EventKind::Any
+            | EventKind::Create(_)
+            | EventKind::Modify(_)
+            | EventKind::Remove(_)
+            | EventKind::Other => Some(Self::Whole),
+        }
+    }
+}
 
 /// Watches a file until it is dropped.
 #[derive(Debug)]
@@ -28,11 +56,10 @@ impl FileWatch {
         let (to, changes) = channel();
         let mut watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
             let Ok(event) = event else { return };
-            let is_change = !matches!(event.kind, EventKind::Access(_));
             let is_it = event.paths.iter().any(|path| path.file_name() == Some(&name));
-            if is_change && is_it {
+            if let Some(seen) = Seen::of(event.kind).filter(|_| is_it) {
                 // The thread ends only with this sender.
-                let _ = to.send(());
+                let _ = to.send(seen);
             }
         })?;
         // The folder, not the file: editors put another file in its place.
@@ -46,9 +73,12 @@ impl FileWatch {
     }
 }
 
-fn settle(changes: &Receiver<()>, changed: impl Fn()) {
-    while changes.recv().is_ok() {
-        while changes.recv_timeout(SETTLED).is_ok() {}
+fn settle(changes: &Receiver<Seen>, changed: impl Fn()) {
+    while let Ok(mut seen) = changes.recv() {
+        let wait = |seen| if seen == Seen::Written { UNCLOSED } else { SETTLED };
+        while let Ok(next) = changes.recv_timeout(wait(seen)) {
+            seen = next;
+        }
         changed();
     }
 }
@@ -57,6 +87,23 @@ fn settle(changes: &Receiver<()>, changed: impl Fn()) {
 mod tests {
     use super::*;
     use std::fs;
+    use std::io::Write as _;
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_file_that_is_being_written_is_not_told_before_it_is_closed() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("gateway.toml");
+        fs::write(&file, "a").unwrap();
+        let (to, told) = channel();
+        let _watch = FileWatch::start(&file, move || to.send(()).unwrap()).unwrap();
+        let mut writer = fs::File::create(&file).unwrap();
+        assert!(told.recv_timeout(SETTLED * 3).is_err(), "it is empty");
+        writer.write_all(b"half").unwrap();
+        assert!(told.recv_timeout(SETTLED * 3).is_err(), "it is not whole");
+        drop(writer);
+        told.recv_timeout(Duration::from_mins(1)).unwrap();
+    }
 
     #[test]
     fn a_change_is_told_and_other_files_are_not() {

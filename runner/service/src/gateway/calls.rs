@@ -2,7 +2,9 @@
 
 use softplug_abi::JobId;
 use std::collections::{BTreeMap, HashMap};
+use std::fs;
 use std::io::{self, Read};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
@@ -18,7 +20,7 @@ use super::link::{Link, WantedSwap};
 use super::simulated::Simulated;
 use super::{Control, Gateway, Watching, show};
 use crate::Refusal;
-use crate::config::Config;
+use crate::config::{Config, ConfigError};
 use crate::jobs::{
     BeginAt, EntryFilter, Job, JobFilter as Filter, JobSpec, Kind, Words, beginning_at,
 };
@@ -374,7 +376,7 @@ impl Gateway {
     pub fn reload(&self) -> Result<ReloadView, Refusal> {
         self.refuse_while_stopping()?;
         let file = self.shared.ask(|control| Ok(control.config.file.clone()))?;
-        let read = Config::read(&file).map_err(|error| (error, Vec::new()));
+        let read = read_again(&file).map_err(|error| (error, Vec::new()));
         match read.and_then(|config| self.shared.prepare_all(config)) {
             Ok(ready) => self.shared.ask(move |control| Ok(control.reload(ready))),
             Err((error, missing)) => {
@@ -396,6 +398,16 @@ impl Gateway {
     pub fn stop(&self, how: StopHow) {
         self.shared.tell(move |control| control.stop(how));
     }
+}
+
+/// An empty file is being written, or could not be: no link is closed for it.
+fn read_again(file: &Path) -> Result<Config, ConfigError> {
+    let config = Config::read(file)?;
+    let is_empty = config.links.is_empty() && fs::metadata(file).is_ok_and(|of| of.len() == 0);
+    if is_empty {
+        return Err(ConfigError::Empty { file: file.to_owned() });
+    }
+    Ok(config)
 }
 
 impl Control {

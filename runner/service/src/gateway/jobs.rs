@@ -22,7 +22,9 @@ impl From<JobsError> for Refusal {
         let text = error.to_string();
         match error {
             JobsError::NotFound(_) => Self::NotFound(text),
-            JobsError::State { .. } | JobsError::QueueFull { .. } => Self::Conflict(text),
+            JobsError::State { .. } | JobsError::NotEnded { .. } | JobsError::QueueFull { .. } => {
+                Self::Conflict(text)
+            }
             JobsError::Spec(_) => Self::invalid("job", text),
             JobsError::Disk(_) | JobsError::Store(_) => Self::Unavailable(text),
         }

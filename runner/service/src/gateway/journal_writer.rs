@@ -8,14 +8,14 @@ use std::time::Duration;
 
 use tokio::sync::broadcast;
 
-use crate::jobs::{EntryFilter, Jobs, Note, Subject, Weight};
+use crate::jobs::{Entry, EntryFilter, Jobs, Note, Subject, Weight};
 use crate::view::Change;
 use std::sync::Arc;
 
 /// Entries are looked for a little later, several at once.
 const GATHER: Duration = Duration::from_millis(20);
-/// Entries that are shown at once.
-const SHOWN: usize = 200;
+/// Entries that are read at once.
+const READ: usize = 200;
 /// Notes that wait; beyond that they are in the log only.
 const WAITING: usize = 10_000;
 
@@ -80,8 +80,7 @@ impl JournalWriter {
 }
 
 fn write(jobs: &Jobs, changes: &broadcast::Sender<Arc<Change>>, notes: &Receiver<Option<Note>>) {
-    let newest = jobs.reader().journal(&EntryFilter { most: 1, ..EntryFilter::default() });
-    let mut shown = newest.ok().and_then(|entries| entries.first().map(|entry| entry.number));
+    let mut shown = newest(jobs);
     while let Ok(first) = notes.recv() {
         thread::sleep(GATHER);
         for (count, note) in std::iter::once(first).chain(notes.try_iter()).flatten().enumerate() {
@@ -92,21 +91,35 @@ fn write(jobs: &Jobs, changes: &broadcast::Sender<Arc<Change>>, notes: &Receiver
                 tracing::error!(%error, "an entry of the journal is lost");
             }
         }
-        if changes.receiver_count() == 0 {
-            shown = None;
-            continue;
-        }
-        let filter = EntryFilter { most: SHOWN, ..EntryFilter::default() };
-        let Ok(entries) = jobs.reader().journal(&filter) else { continue };
-        let newest = entries.first().map(|entry| entry.number);
-        let is_new = |number: u64| shown.is_none_or(|shown| number > shown);
-        // Nobody was there before: only the latest is news.
-        let most = if shown.is_none() { 1 } else { SHOWN };
-        let fresh: Vec<_> =
-            entries.into_iter().take(most).filter(|entry| is_new(entry.number)).collect();
+        let fresh = match shown {
+            Some(shown) if changes.receiver_count() > 0 => behind(jobs, shown),
+            _ => Vec::new(),
+        };
+        shown = fresh.first().map(|entry| entry.number).or_else(|| newest(jobs));
         for entry in fresh.into_iter().rev() {
             let _ = changes.send(Arc::new(Change::Journal(entry.into())));
         }
-        shown = newest.or(shown);
+    }
+}
+
+/// The number of the newest entry; 0 where there is none, `None` if it cannot be read.
+fn newest(jobs: &Jobs) -> Option<u64> {
+    let entries = jobs.reader().journal(&EntryFilter { most: 1, ..EntryFilter::default() }).ok()?;
+    Some(entries.first().map_or(0, |entry| entry.number))
+}
+
+/// All entries behind the one of this number, the newest first.
+fn behind(jobs: &Jobs, number: u64) -> Vec<Entry> {
+    let mut all: Vec<Entry> = Vec::new();
+    loop {
+        let before = all.last().map(|entry| entry.number);
+        let filter = EntryFilter { before, most: READ, ..EntryFilter::default() };
+        let Ok(entries) = jobs.reader().journal(&filter) else { return all };
+        let is_full = entries.len() == READ;
+        let known = entries.iter().position(|entry| entry.number <= number);
+        all.extend(entries.into_iter().take(known.unwrap_or(READ)));
+        if known.is_some() || !is_full || all.len() >= WAITING {
+            return all;
+        }
     }
 }

@@ -79,11 +79,16 @@ impl Control {
             journal_writer.link(Subject::Port, Weight::Warning, name, remark.message);
         }
         if let PortConfig::Unit(address) = &link.config.port {
+            let stored = self.shared.parts.jobs.reader().stored_delivery(name);
             let setup = UnitSetup {
                 address: address.clone(),
                 tls: link.config.tls.clone(),
                 plugin: link.plugin.for_unit(),
                 delivery_room: link.config.delivery_room,
+                stored: stored.unwrap_or_else(|error| {
+                    tracing::error!(%error, link = name, "what its unit says again may be kept twice");
+                    None
+                }),
                 reopen: backoff(&link.config),
                 bus: link.config.bus.clone(),
             };

@@ -3,6 +3,8 @@
 use softplug_live::SettingDifference;
 use softplug_live::reactor::{Alarm, EndpointNews, JobEnd, JobOutcome, LaneFault, LaneId, Report};
 
+use softplug_live::units::StoredDelivery;
+
 use super::Control;
 use super::faults::described;
 use super::link::{After, Arriving, EndsAs, Lane};
@@ -36,7 +38,7 @@ impl Control {
             }
             Report::JobEnded(end) => self.job_ended(&name, end),
             Report::Rewind { job } => self.refill(&name, job),
-            Report::DeliveryBegun { delivery, job, bytes } => {
+            Report::DeliveryBegun { delivery, job, unit, bytes } => {
                 let Some(link) = self.links.get_mut(&name) else { return };
                 let gauge = bytes.figures();
                 let arriving = Arriving { name: None, since_ms: now_ms(), gauge };
@@ -48,7 +50,9 @@ impl Control {
                 }
                 let place = link.config.receive.clone();
                 let link = name.clone();
-                self.reception_writer.take(Incoming { lane, link, place, delivery, job, bytes });
+                let unit = unit.map(|unit| StoredDelivery { unit, delivery });
+                let incoming = Incoming { lane, link, place, delivery, job, unit, bytes };
+                self.reception_writer.take(incoming);
             }
             Report::DeliveryNamed { delivery, name: called } => {
                 self.reception_writer.name(lane, delivery, called.clone());

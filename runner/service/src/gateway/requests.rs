@@ -336,7 +336,7 @@ fn write(shared: &Shared, link: &str, asked: &Asked, place: &str) -> Result<Answ
     };
     let reception =
         Reception { file: arrived.file(), bytes: arrived.bytes, is_complete: true, compared: None };
-    let received = shared.parts.jobs.received(job.id, Some(name), reception, None);
+    let received = shared.parts.jobs.received(job.id, Some(name), reception, None, None);
     let job = received.map_err(|error| failed(&error))?;
     shared.tell(move |control| control.show_job(&job));
     shared.changed(crate::view::Change::Receptions { link: link.to_owned() });

@@ -28,7 +28,9 @@ impl From<ProgramError> for Refusal {
         let text = error.to_string();
         match error {
             ProgramError::NotFound(_) => Self::NotFound(text),
-            ProgramError::Exists(_) | ProgramError::Busy(_) => Self::Conflict(text),
+            ProgramError::Exists(_) | ProgramError::InTheWay(_) | ProgramError::Busy(_) => {
+                Self::Conflict(text)
+            }
             ProgramError::Name(_) | ProgramError::Empty(_) => Self::invalid("program", text),
             ProgramError::TooLarge { .. } => Self::TooLarge(text),
             ProgramError::Source(error) if is_full(&error) => Self::Unavailable(error.to_string()),

@@ -25,6 +25,14 @@ pub enum JobsError {
         /// What was asked for.
         step: Step,
     },
+    /// The job has not ended.
+    #[error("job {id} is {}: it can be restarted when it has ended", state.name())]
+    NotEnded {
+        /// The job.
+        id: JobId,
+        /// Where it stands.
+        state: State,
+    },
     /// What was asked for does not fit the job.
     #[error("{0}")]
     Spec(String),

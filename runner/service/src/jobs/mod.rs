@@ -431,10 +431,7 @@ impl Jobs {
     ) -> Result<Job, JobsError> {
         let job = self.reader.job(id)?;
         if !job.state.is_final() {
-            return Err(JobsError::Spec(format!(
-                "job {id} is {}: it can be restarted when it has ended",
-                job.state.name()
-            )));
+            return Err(JobsError::NotEnded { id, state: job.state });
         }
         let spec = JobSpec { restarts: Some(id), origin: Origin::Order, start: None, ..job.spec };
         if spec.kind == Kind::Receive || (spec.kind == Kind::Send && spec.data.is_none()) {

@@ -4,7 +4,7 @@
 //! There is nothing here by which a reader could keep a writer waiting: no turn, no lock but a
 //! shared one, which is taken alone only while a database is opened anew after an error.
 
-use softplug_abi::JobId;
+use softplug_abi::{DeliveryId, JobId};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError, RwLock};
@@ -12,10 +12,12 @@ use std::sync::{Arc, PoisonError, RwLock};
 use redb::{Database, ReadTransaction, ReadableDatabase, ReadableTable, TableError};
 use softplug_cell::Stop;
 use softplug_host::Digest;
+use softplug_live::units::StoredDelivery;
 
 use super::error::StoreError;
 use super::tables::{
-    BY_LINK, BY_STATE, CELLS, JOBS, JOURNAL, RECEIVED, SENT, STATES, STOPS, Sent, code, decoded,
+    BY_LINK, BY_STATE, CELLS, JOBS, JOURNAL, RECEIVED, SENT, STATES, STOPS, Sent, UNIT_DELIVERIES,
+    code, decoded,
 };
 use super::{Data, Entry, EntryFilter, Job, JobFilter, JobsError, plain_name};
 
@@ -105,6 +107,24 @@ impl JobsReader {
             Ok(entries)
         };
         self.tell(page())
+    }
+
+    /// The last delivery of a link's unit that is stored.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub fn stored_delivery(&self, link: &str) -> Result<Option<StoredDelivery>, JobsError> {
+        let look = || {
+            let table = match self.opened.snapshot()?.open_table(UNIT_DELIVERIES) {
+                Ok(table) => table,
+                Err(TableError::TableDoesNotExist(_)) => return Ok(None),
+                Err(error) => return Err(error.into()),
+            };
+            let found = table.get(link)?.map(|found| found.value());
+            Ok(found
+                .map(|(unit, delivery)| StoredDelivery { unit, delivery: DeliveryId(delivery) }))
+        };
+        self.tell(look())
     }
 
     /// The cells that there were, each as it was left, encoded; nothing of one that has another name now.

@@ -7,6 +7,7 @@ use super::{
     live, now,
 };
 use softplug_abi::JobId;
+use softplug_live::units::StoredDelivery;
 
 impl Jobs {
     /// A machine sends of its own accord: a job that is under way already.
@@ -26,7 +27,8 @@ impl Jobs {
     }
 
     /// What came is on the disk, under its name. Ends the job if it is a reception of the
-    /// machine's own accord; notes the answer otherwise.
+    /// machine's own accord; notes the answer otherwise. `unit`: the delivery of a unit that it was,
+    /// which counts as stored from now on.
     ///
     /// # Errors
     /// The job is not under way, or it cannot be written down.
@@ -36,6 +38,7 @@ impl Jobs {
         name: Option<String>,
         reception: Reception,
         reason: Option<Reason>,
+        unit: Option<StoredDelivery>,
     ) -> Result<Job, JobsError> {
         let mut store = self.store();
         let mut job = live(&store, id, Step::End(State::Done))?;
@@ -51,8 +54,9 @@ impl Jobs {
             job.ended = Some(now());
             job.is_unseen = job.has_ended_badly();
         }
-        let change =
-            Change { jobs: vec![job.clone()], notes: vec![note], came, ..Change::default() };
+        let stored = unit.map(|unit| (job.spec.link.clone(), unit));
+        let (jobs, notes) = (vec![job.clone()], vec![note]);
+        let change = Change { jobs, notes, came, stored, ..Change::default() };
         store.write(&change, now())?;
         Ok(job)
     }

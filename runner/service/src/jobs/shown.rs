@@ -76,8 +76,17 @@ impl From<view::JobFilter> for JobFilter {
 
 impl From<view::JournalFilter> for EntryFilter {
     fn from(asked: view::JournalFilter) -> Self {
-        let view::JournalFilter { link, kind, job, find, since_ms, until_ms, before, limit } =
-            asked;
+        let view::JournalFilter {
+            link,
+            kind,
+            at_least,
+            job,
+            find,
+            since_ms,
+            until_ms,
+            before,
+            limit,
+        } = asked;
         let most = limit.unwrap_or(LISTED.0).min(LISTED.1) as usize;
         let find = find.map(|find| find.to_lowercase());
         let (since, until) = (since_ms, until_ms);
@@ -85,12 +94,12 @@ impl From<view::JournalFilter> for EntryFilter {
             link,
             job: job.map(JobId),
             subject: kind,
+            at_least: at_least.unwrap_or_default(),
             find,
             since,
             until,
             before,
             most,
-            ..Self::default()
         }
     }
 }

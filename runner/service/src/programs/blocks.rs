@@ -73,7 +73,7 @@ pub fn between(program: impl Read, surely: u64, maybe: u64) -> io::Result<Betwee
 /// Where a look at a program ended: the next one goes on from there, and reads little.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct BlockCursor {
-    end_mark: Option<u8>,
+    ends: Option<Ends>,
     /// Blocks before it.
     number: u64,
     /// Its first byte.
@@ -85,7 +85,7 @@ impl BlockCursor {
     pub fn beginning(number: u64, start: u64) -> Self {
         match (number, start) {
             (0, _) | (_, 0) => Self::default(),
-            (number, start) => Self { end_mark: None, number: number - 1, start },
+            (number, start) => Self { ends: None, number: number - 1, start },
         }
     }
 
@@ -108,11 +108,11 @@ impl BlockCursor {
         program: &mut (impl Read + Seek),
         byte: u64,
     ) -> io::Result<Option<Block>> {
-        let end_mark = if let Some(end_mark) = self.end_mark {
-            end_mark
+        let ends = if let Some(ends) = self.ends {
+            ends
         } else {
             program.rewind()?;
-            *self.end_mark.insert(end_mark(&mut head_of(&mut *program))?)
+            *self.ends.insert(Ends::of(&mut head_of(&mut *program))?)
         };
         if byte < self.start {
             (self.number, self.start) = (0, 0);
@@ -120,7 +120,7 @@ impl BlockCursor {
         program.seek(SeekFrom::Start(self.start))?;
         let mut program = BufReader::with_capacity(NEAR_BYTES, program);
         let mut found = None;
-        walk_on(&mut program, end_mark, (self.number, self.start), |block| {
+        walk_on(&mut program, ends, (self.number, self.start), |block| {
             let is_before = block.end <= byte;
             found = Some(block);
             is_before
@@ -137,28 +137,54 @@ fn head_of<R: Read>(program: R) -> BufReader<R> {
     BufReader::with_capacity(HEAD_BYTES, program)
 }
 
-/// A block ends behind its line feed, or, in a program without any, behind its carriage return.
-fn end_mark(program: &mut impl BufRead) -> io::Result<u8> {
-    let first = program.fill_buf()?;
-    Ok(if first.contains(&b'\n') || !first.contains(&b'\r') { b'\n' } else { b'\r' })
+/// How the blocks of a program end.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+enum Ends {
+    /// Behind a line feed: LF, CR LF.
+    LineFeed,
+    /// Behind a line feed and all carriage returns that follow it: LF CR, LF CR CR.
+    Returns,
+    /// Behind a carriage return: no line feed is there.
+    Return,
+}
+
+impl Ends {
+    fn of(program: &mut impl BufRead) -> io::Result<Self> {
+        let head = program.fill_buf()?;
+        let is_return = |at: Option<usize>| at.and_then(|at| head.get(at)) == Some(&b'\r');
+        Ok(match head.iter().position(|byte| *byte == b'\n') {
+            Some(at) if is_return(at.checked_add(1)) && !is_return(at.checked_sub(1)) => {
+                Self::Returns
+            }
+            None if head.contains(&b'\r') => Self::Return,
+            _ => Self::LineFeed,
+        })
+    }
+
+    fn mark(self) -> u8 {
+        match self {
+            Self::LineFeed | Self::Returns => b'\n',
+            Self::Return => b'\r',
+        }
+    }
 }
 
 /// Shows each block until `go_on` says no.
 fn walk(program: impl Read, go_on: impl FnMut(Block) -> bool) -> io::Result<()> {
     let mut program = head_of(program);
-    let end_mark = end_mark(&mut program)?;
-    walk_on(&mut program, end_mark, (0, 0), go_on)
+    let ends = Ends::of(&mut program)?;
+    walk_on(&mut program, ends, (0, 0), go_on)
 }
 
 /// Shows the blocks behind so many, which end before this byte.
 fn walk_on(
     program: &mut impl BufRead,
-    end_mark: u8,
+    ends: Ends,
     (mut number, mut start): (u64, u64),
     mut go_on: impl FnMut(Block) -> bool,
 ) -> io::Result<()> {
     loop {
-        let Some((length, text)) = line(program, end_mark)? else { return Ok(()) };
+        let Some((length, text)) = line(program, ends)? else { return Ok(()) };
         number += 1;
         let end = start + length;
         if !go_on(Block { number, start, end, text }) {
@@ -169,7 +195,7 @@ fn walk_on(
 }
 
 /// The length of the next line, however long, and how it begins.
-fn line(program: &mut impl BufRead, end_mark: u8) -> io::Result<Option<(u64, String)>> {
+fn line(program: &mut impl BufRead, ends: Ends) -> io::Result<Option<(u64, String)>> {
     let mut shown = Vec::new();
     let mut length = 0;
     loop {
@@ -180,17 +206,38 @@ fn line(program: &mut impl BufRead, end_mark: u8) -> io::Result<Option<(u64, Str
         if bytes.is_empty() {
             break;
         }
-        let end = bytes.iter().position(|byte| *byte == end_mark);
+        let end = bytes.iter().position(|byte| *byte == ends.mark());
         let count = end.map_or(bytes.len(), |end| end + 1);
         let room = SHOWN_BYTES - shown.len();
         shown.extend_from_slice(&bytes[..count.min(room)]);
         length += count as u64;
         program.consume(count);
         if end.is_some() {
+            if ends == Ends::Returns {
+                length += returns(program)?;
+            }
             break;
         }
     }
     Ok((length > 0).then(|| (length, plain(&shown))))
+}
+
+/// How many carriage returns come next; they are taken.
+fn returns(program: &mut impl BufRead) -> io::Result<u64> {
+    let mut length = 0;
+    loop {
+        let bytes = match program.fill_buf() {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            bytes => bytes?,
+        };
+        let end = bytes.iter().position(|byte| *byte != b'\r');
+        let count = end.unwrap_or(bytes.len());
+        length += count as u64;
+        program.consume(count);
+        if end.is_some() || count == 0 {
+            return Ok(length);
+        }
+    }
 }
 
 fn plain(bytes: &[u8]) -> String {
@@ -227,6 +274,25 @@ mod tests {
     fn a_program_may_end_its_blocks_with_carriage_returns() {
         let found = block(&b"N1\rN2\rN3"[..], 2).unwrap().unwrap();
         assert_eq!((found.start, found.end, &*found.text), (3, 6, "N2"));
+    }
+
+    #[test]
+    fn a_line_end_of_lf_cr_or_lf_cr_cr_is_one() {
+        for end in ["\n\r", "\n\r\r"] {
+            let program = ["L1", "L2", "", "L4"].map(|text| format!("{text}{end}")).concat();
+            let blocks = [1, 2, 3, 4].map(|number| {
+                let block = block(program.as_bytes(), number).unwrap().unwrap();
+                &program[block.start as usize..block.end as usize]
+            });
+            let expected = ["L1", "L2", "", "L4"].map(|text| format!("{text}{end}"));
+            assert_eq!(blocks, expected.each_ref().map(|text| &**text));
+            assert_eq!(block(program.as_bytes(), 5).unwrap(), None);
+        }
+        let crlf = b"L1\r\n\r\nL3";
+        assert_eq!(
+            block(&crlf[..], 2).unwrap().map(|block| (block.start, block.end)),
+            Some((4, 6))
+        );
     }
 
     proptest! {

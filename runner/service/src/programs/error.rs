@@ -22,6 +22,9 @@ pub enum ProgramError {
         "there is a program \"{0}\" already: give another name, or say that it shall be replaced"
     )]
     Exists(String),
+    /// A folder has its name, or a program that of its folder.
+    #[error("\"{0}\" is a folder, or would lie in a program: give another name")]
+    InTheWay(String),
     /// There is nothing in it.
     #[error("the program \"{0}\" is empty: there is nothing to send")]
     Empty(String),

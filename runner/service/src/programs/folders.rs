@@ -147,6 +147,10 @@ impl Programs {
         {
             return Err(ProgramError::Name(name.to_string()));
         }
+        let is_program = folder.ancestors().take_while(|of| *of != root).any(Path::is_file);
+        if is_program || path.is_dir() {
+            return Err(ProgramError::InTheWay(name.to_string()));
+        }
         make_folder(folder)?;
         let mut file = disk::temporary_beside(&path).map_err(DiskError::when("write", &path))?;
         // A program that is replaced by nothing is a mistake.

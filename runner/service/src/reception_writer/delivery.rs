@@ -6,6 +6,7 @@ use std::io;
 use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_live::reservoir::{Drawn, ReservoirReader};
 use softplug_live::store::Mark;
+use softplug_live::units::StoredDelivery;
 use thiserror::Error;
 
 use super::{Incoming, ReceptionWriterNews, Stores};
@@ -20,6 +21,7 @@ pub(super) struct Delivery {
     pub(super) link: String,
     place: String,
     answers: Option<JobId>,
+    unit: Option<StoredDelivery>,
     bytes: ReservoirReader,
     pub(super) name: Option<String>,
     end: Option<End>,
@@ -78,12 +80,13 @@ pub(super) enum Next {
 
 impl Delivery {
     pub(super) fn new(incoming: Incoming) -> Self {
-        let Incoming { lane: _, link, place, delivery, job, bytes } = incoming;
+        let Incoming { lane: _, link, place, delivery, job, unit, bytes } = incoming;
         Self {
             id: delivery,
             link,
             place,
             answers: job,
+            unit,
             bytes,
             name: None,
             end: None,
@@ -229,7 +232,7 @@ impl Delivery {
             compared: compare(stores, &self.link, arrived),
         };
         let name = arrived.name.clone();
-        match stores.jobs.received(JobId(*job), name, reception, reason.clone()) {
+        match stores.jobs.received(JobId(*job), name, reception, reason.clone(), self.unit) {
             Ok(job) => tell(ReceptionWriterNews::Kept(Box::new(job))),
             Err(error @ (JobsError::Disk(_) | JobsError::Store(_))) => return Err(error.into()),
             // The job that it answers has ended in the meantime; the file stays.

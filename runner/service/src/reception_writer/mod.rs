@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_live::reactor::LaneId;
 use softplug_live::reservoir::ReservoirReader;
+use softplug_live::units::StoredDelivery;
 
 use crate::jobs::{Job, Jobs};
 use crate::programs::{Quotas, Receptions, Snapshots};
@@ -38,6 +39,8 @@ pub struct Incoming {
     pub delivery: DeliveryId,
     /// The job that it answers.
     pub job: Option<JobId>,
+    /// The unit that it comes from, which says it again until it knows that it is stored.
+    pub unit: Option<StoredDelivery>,
     /// Its bytes.
     pub bytes: ReservoirReader,
 }

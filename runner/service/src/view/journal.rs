@@ -78,6 +78,9 @@ pub struct JournalFilter {
     /// Of this kind only.
     #[param(inline)]
     pub kind: Option<JournalKind>,
+    /// That matter at least so much; all if nothing is said.
+    #[param(inline)]
+    pub at_least: Option<JournalWeight>,
     /// Of this job only.
     #[param(format = "uint32", maximum = 4_294_967_295_u32)]
     pub job: Option<u32>,

@@ -74,7 +74,7 @@ fn deed(jobs: &Jobs, dice: &mut Dice) -> Result<Option<Job>, JobsError> {
         8 => {
             let id = any(dice);
             let reception = Reception { file: None, bytes: 1, is_complete: true, compared: None };
-            ignore_state(jobs.received(id, None, reception, None))
+            ignore_state(jobs.received(id, None, reception, None, None))
         }
         _ => {
             let ending = match dice.below(3) {

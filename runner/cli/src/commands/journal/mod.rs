@@ -25,11 +25,14 @@ const KINDS: [&str; 11] = [
     "note",
 ];
 
+/// How much an entry matters.
+const WEIGHTS: [&str; 3] = ["normal", "warning", "alarm"];
+
 /// Lists what happened in a running gateway, the newest last
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug journal
-  softplug journal --link lathe-1 --kind alarm --since 8h
+  softplug journal --link lathe-1 --at-least alarm --since 8h
   softplug journal --job 42")]
 pub(crate) struct Arguments {
     /// Of this link only
@@ -38,6 +41,9 @@ pub(crate) struct Arguments {
     /// Of this kind only
     #[arg(long, value_name = "KIND", value_parser = KINDS)]
     pub(crate) kind: Option<String>,
+    /// That matter at least so much, of any kind
+    #[arg(long, value_name = "WEIGHT", value_parser = WEIGHTS)]
+    pub(crate) at_least: Option<String>,
     /// Of this job only
     #[arg(long, value_name = "NUMBER")]
     pub(crate) job: Option<u32>,

@@ -19,6 +19,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         [
             ("link", arguments.link.as_deref()),
             ("kind", arguments.kind.as_deref()),
+            ("at_least", arguments.at_least.as_deref()),
             ("job", job.as_deref()),
             ("find", arguments.find.as_deref()),
             ("since_ms", since.as_deref()),

@@ -253,7 +253,7 @@ impl Connection {
                 (self.links, self.named) = (0, None);
                 let is_same = self.peer.replace(peer) == Some(peer);
                 for lane in &mut self.lanes {
-                    lane.session_began(is_same, thread);
+                    lane.session_began(peer, is_same, thread);
                 }
                 self.outbox.push(&ToUnit::Query {}, false);
             }

@@ -14,7 +14,7 @@ use softplug_abi::{Failure, JobId, Micros, RequestId};
 use softplug_host::{Host, Session};
 use softplug_live::plain_text;
 use softplug_live::reactor::{Command, LaneFigures, LaneId, Probation, Reactor, Report, When};
-use softplug_unit_protocol::{Digest, ToServer, ToUnit, WhenCode};
+use softplug_unit_protocol::{Digest, SwapOutcome, ToServer, ToUnit, WhenCode};
 use softplug_unit_uplink::Outbox;
 
 use crate::config::LinkConfig;
@@ -187,6 +187,11 @@ impl Link {
                     WhenCode::Idle => When::Idle,
                     WhenCode::NowOrIdle => When::NowOrIdle,
                 };
+                if self.is_on_its_way(digest, settings) {
+                    // Its server did not hear that, in a session that has ended.
+                    self.tell_swap(SwapOutcome::Waiting, 0, "", around);
+                    return;
+                }
                 let span = Micros(i64::try_from(span).unwrap_or(i64::MAX));
                 let purpose = Purpose::Swap { when, probation: Probation { events, span } };
                 self.change(digest, settings, purpose, ToUnit::SWAP, around);
@@ -281,7 +286,7 @@ impl Link {
             }
             Report::JobEnded(end) => self.jobs.ended(end),
             Report::Rewind { job } => self.jobs.rewind(job, self.lane, around),
-            Report::DeliveryBegun { delivery, job, bytes } => {
+            Report::DeliveryBegun { delivery, job, unit: _, bytes } => {
                 bytes.wake_with(around.waker.clone());
                 let job = job.and_then(|job| self.jobs.number_of(job)).unwrap_or(0);
                 self.deliveries.begun(delivery, job, bytes);

@@ -4,7 +4,7 @@ use std::thread;
 
 use softplug_abi::manifest::{SettingError, SettingValues};
 use softplug_abi::{LineParameters, Micros, NoteLevel};
-use softplug_host::{LoadError, Plugin};
+use softplug_host::{LoadError, Plugin, SessionFault};
 use softplug_link::{Spare, Successor};
 use softplug_live::PortOptions;
 use softplug_live::channel::StationOptions;
@@ -42,6 +42,8 @@ enum NotTaken {
     Load(LoadError),
     #[error("it does not take its settings: {0}")]
     Settings(SettingError),
+    #[error("it does not take its settings: {0}")]
+    Refused(SessionFault),
     #[error(transparent)]
     NotKept(#[from] NotKept),
 }
@@ -103,7 +105,9 @@ impl Link {
         let running = plugin.map_err(NotTaken::Load).and_then(|plugin| {
             let named = given.settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
             let values = plugin.manifest().resolve_settings(named).map_err(NotTaken::Settings)?;
-            // Before anything is changed: what cannot be kept does not run.
+            // Before anything is changed: neither what it refuses nor what cannot be kept runs.
+            let mut tried = plugin.instantiate().map_err(NotTaken::Load)?;
+            tried.configure(&values, Micros::ZERO).map_err(NotTaken::Refused)?;
             let is_swap = matches!(purpose, Purpose::Swap { .. }) && self.lane.is_some();
             self.before = Some(self.settings());
             if !is_swap {
@@ -323,6 +327,15 @@ impl Link {
         } else {
             self.change(digest, settings, Purpose::Run, ToUnit::OPEN, around);
         }
+    }
+
+    /// Whether a swap to this plug-in with these settings waits already.
+    pub(super) fn is_on_its_way(&self, digest: Digest, settings: &[u8]) -> bool {
+        let given = self.settings_of(settings);
+        self.successor.as_ref().is_some_and(|successor| {
+            let given = given.as_ref().map(|given| &given.settings);
+            successor.digest == digest && Some(&successor.given.settings) == given
+        })
     }
 
     /// Another plug-in, or other settings.

@@ -52,6 +52,7 @@ impl Floor {
                     first: Micros::from_millis(50),
                     longest: Micros::from_millis(500),
                 },
+                stored: None,
                 bus: Some("hall".to_owned()),
                 tls: None,
             };

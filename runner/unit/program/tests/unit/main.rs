@@ -12,7 +12,7 @@ use machine::Machine;
 use raw_server::RawServer;
 use shop::{Shop, ended, program};
 use softplug_abi::{Failure, JobId};
-use softplug_live::reactor::{JobOutcome, Probation, SwapReport, When};
+use softplug_live::reactor::{JobOutcome, Probation, Report, SwapReport, When};
 use softplug_live::units::{UnitCommand, UnitPlugin};
 use softplug_unit_protocol::ToUnit;
 
@@ -355,4 +355,42 @@ fn a_trial_that_is_cut_short_leaves_a_link_that_can_be_opened() {
     shop.restart_gateway();
     shop.until_up();
     assert_eq!(shop.send(2, b"G2\n").outcome, JobOutcome::Done);
+}
+
+#[test]
+fn settings_that_the_plug_in_refuses_leave_what_runs_as_it_is() {
+    let mut shop = Shop::new(Machine::fast());
+    shop.until_up();
+    // XON and XOFF would be one character: only the plug-in knows that this cannot be.
+    let settings = vec![("xon".to_owned(), "19".to_owned())];
+    let refused = UnitPlugin { settings, ..Shop::first_plugin() };
+    shop.tell(UnitCommand::Replace(refused));
+    let detail = shop.until_report(|report| match report {
+        Report::Down { detail, .. } => Some(detail.clone()),
+        _ => None,
+    });
+    assert!(detail.contains("does not take its settings"), "{detail}");
+    // The port was never closed, and after a start the unit runs with the settings before.
+    shop.restart_unit();
+    shop.restart_gateway();
+    shop.until_up();
+    assert_eq!(shop.send(1, b"G1\n").outcome, JobOutcome::Done);
+}
+
+#[test]
+fn a_swap_that_waits_is_told_as_such_when_the_cable_was_out() {
+    let mut shop = Shop::new(Machine::at(115_200));
+    shop.until_up();
+    let program = program(20_000);
+    shop.begin(1, &program);
+    shop.until(|shop| shop.received().len() >= 1_000);
+    let (plugin, probation) = (Shop::another_plugin(), Probation::default());
+    shop.tell(UnitCommand::Swap { plugin, when: When::Idle, probation });
+    assert_eq!(shop.until_report(shop::swapped), SwapReport::Waiting);
+    shop.cable.cut();
+    assert_eq!(shop.until_report(shop::swapped), SwapReport::Waiting);
+    assert_eq!(shop.until_report(ended).outcome, JobOutcome::Done);
+    let done = shop.until_report(shop::swapped);
+    assert!(matches!(done, SwapReport::Done { .. }), "{done:?}");
+    shop.until_received(&program);
 }

@@ -48,7 +48,7 @@ pub(crate) struct Shop {
     reports: Receiver<(LaneId, Report)>,
     seen: Vec<Report>,
     /// In the order in which they began.
-    deliveries: Vec<(ReservoirReader, Vec<u8>)>,
+    deliveries: Vec<(Option<ReservoirReader>, Vec<u8>)>,
     lane: LaneId,
     identities: u64,
     folder: TempDir,
@@ -123,7 +123,15 @@ impl Shop {
         let plugin = Self::first_plugin();
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_millis(500) };
         let tls = self.tls.clone();
-        let setup = UnitSetup { address, tls, plugin, delivery_room: 16_384, reopen, bus: None };
+        let setup = UnitSetup {
+            address,
+            tls,
+            plugin,
+            delivery_room: 16_384,
+            stored: None,
+            reopen,
+            bus: None,
+        };
         units.add(self.lane, setup);
         self.units = Some(units);
     }
@@ -242,7 +250,7 @@ impl Shop {
         loop {
             match self.reports.recv_timeout(patience) {
                 Ok((_, Report::DeliveryBegun { bytes, .. })) => {
-                    self.deliveries.push((bytes, Vec::new()));
+                    self.deliveries.push((Some(bytes), Vec::new()));
                 }
                 Ok((_, report)) => self.seen.push(report),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => break,
@@ -250,8 +258,13 @@ impl Shop {
         }
         for (from, to) in &mut self.deliveries {
             let mut buffer = [0; 1_024];
-            while let Drawn::Bytes(count) = from.read(&mut buffer) {
-                to.extend_from_slice(&buffer[..count]);
+            while let Some(reader) = from {
+                match reader.read(&mut buffer) {
+                    Drawn::Bytes(count) => to.extend_from_slice(&buffer[..count]),
+                    Drawn::Later => break,
+                    // It is stored: the unit is told so.
+                    Drawn::End | Drawn::Failed => *from = None,
+                }
             }
         }
     }

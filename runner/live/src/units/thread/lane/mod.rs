@@ -3,12 +3,12 @@
 mod jobs;
 mod plugin;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use softplug_abi::{DeliveryId, Failure, LinkDownReason, Micros, RequestId};
 use softplug_unit_bus::{Consumption, Unit};
-use softplug_unit_protocol::{Digest, SlotState, ToServer, ToUnit};
+use softplug_unit_protocol::{Digest, Identity, SlotState, ToServer, ToUnit};
 use softplug_unit_uplink::Outbox;
 
 use super::Thread;
@@ -24,6 +24,8 @@ use plugin::{Change, fault};
 
 /// Most requests of a machine that are not answered.
 const MOST_REQUESTS: usize = 256;
+/// Most answers that are kept in case the unit did not hear them.
+const MOST_ANSWERED: usize = 16;
 /// Notes and states a second, and at once, as of a lane of this computer.
 const WORDS_A_SECOND: i64 = 20;
 /// More than a port does that is tried again four times a second.
@@ -74,6 +76,8 @@ pub(super) struct UnitLane {
     foreign_job: Option<u64>,
     arrivals: Arrivals,
     requests: BTreeSet<RequestId>,
+    /// The last answers: a unit that did not hear one asks again in the next session.
+    answered: VecDeque<(RequestId, Result<Vec<u8>, Failure>)>,
     /// Those of an earlier session that the unit has not named again.
     doubtful_requests: BTreeSet<RequestId>,
     words: Allowance,
@@ -87,6 +91,7 @@ pub(super) struct UnitLane {
 impl UnitLane {
     pub(super) fn new(id: LaneId, setup: UnitSetup, status: Arc<LaneStatus>) -> Self {
         status.set_condition(Condition::Opening);
+        let arrivals = Arrivals::new(setup.stored);
         Self {
             id,
             setup,
@@ -101,8 +106,9 @@ impl UnitLane {
             consumption: Consumption::default(),
             capacity: 0,
             foreign_job: None,
-            arrivals: Arrivals::default(),
+            arrivals,
             requests: BTreeSet::new(),
+            answered: VecDeque::new(),
             doubtful_requests: BTreeSet::new(),
             words: Allowance::new(WORDS_A_SECOND),
             changes: Allowance::new(CHANGES_A_SECOND),
@@ -138,13 +144,15 @@ impl UnitLane {
         (around.thread.reports)(self.id, report);
     }
 
-    pub(super) fn session_began(&mut self, is_same_unit: bool, thread: &Thread) {
+    pub(super) fn session_began(&mut self, unit: Identity, is_same_unit: bool, thread: &Thread) {
         self.number = None;
+        self.arrivals.session_began(unit.0);
         if is_same_unit {
             self.doubtful_requests = self.requests.clone();
             return;
         }
-        // A unit that was started anew has forgotten what was under way.
+        // A unit that was started anew has forgotten what was under way, and numbers anew.
+        self.answered.clear();
         for report in self.arrivals.interrupted() {
             (thread.reports)(self.id, report);
         }
@@ -234,11 +242,27 @@ impl UnitLane {
         answer: Result<Vec<u8>, Failure>,
         around: &mut Around<'_>,
     ) {
-        let Some(link) = self.number.filter(|_| self.requests.remove(&request)) else { return };
+        if !self.requests.remove(&request) {
+            return;
+        }
+        self.say_answer(request, &answer, around);
+        if self.answered.len() >= MOST_ANSWERED {
+            self.answered.pop_front();
+        }
+        self.answered.push_back((request, answer));
+    }
+
+    fn say_answer(
+        &self,
+        request: RequestId,
+        answer: &Result<Vec<u8>, Failure>,
+        around: &mut Around<'_>,
+    ) {
+        let Some(link) = self.number else { return };
         let bytes = match answer {
             Ok(bytes) => bytes,
             Err(failure) => {
-                let refused = Some(failure);
+                let refused = Some(*failure);
                 around.say(&ToUnit::Answer {
                     link,
                     request: request.0,
@@ -389,6 +413,10 @@ impl UnitLane {
             ToServer::Request { request, kind, fields, .. } => {
                 let request = RequestId(request);
                 self.doubtful_requests.remove(&request);
+                if let Some((_, answer)) = self.answered.iter().find(|(of, _)| *of == request) {
+                    self.say_answer(request, answer, around);
+                    return Ok(());
+                }
                 if self.requests.len() >= MOST_REQUESTS && !self.requests.contains(&request) {
                     return Err(Flood);
                 }

@@ -22,7 +22,7 @@ pub(super) struct Gateway {
     units: Units,
     reports: Receiver<(LaneId, Report)>,
     seen: Vec<Report>,
-    deliveries: Vec<(ReservoirReader, Vec<u8>)>,
+    deliveries: Vec<(Option<ReservoirReader>, Vec<u8>)>,
 }
 
 impl Gateway {
@@ -42,7 +42,15 @@ impl Gateway {
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_millis(500) };
         units.add(
             LANE,
-            UnitSetup { address, plugin, delivery_room: 16_384, reopen, bus: None, tls: None },
+            UnitSetup {
+                address,
+                plugin,
+                delivery_room: 16_384,
+                stored: None,
+                reopen,
+                bus: None,
+                tls: None,
+            },
         );
         Self { units, reports, seen: Vec::new(), deliveries: Vec::new() }
     }
@@ -98,14 +106,21 @@ impl Gateway {
             self.reports.recv_timeout(until.saturating_duration_since(Instant::now()))
         {
             match report {
-                Report::DeliveryBegun { bytes, .. } => self.deliveries.push((bytes, Vec::new())),
+                Report::DeliveryBegun { bytes, .. } => {
+                    self.deliveries.push((Some(bytes), Vec::new()))
+                }
                 report => self.seen.push(report),
             }
         }
         for (from, to) in &mut self.deliveries {
             let mut buffer = [0; 1_024];
-            while let Drawn::Bytes(count) = from.read(&mut buffer) {
-                to.extend_from_slice(&buffer[..count]);
+            while let Some(reader) = from {
+                match reader.read(&mut buffer) {
+                    Drawn::Bytes(count) => to.extend_from_slice(&buffer[..count]),
+                    Drawn::Later => break,
+                    // It is stored: the unit is told so.
+                    Drawn::End | Drawn::Failed => *from = None,
+                }
             }
         }
     }
