@@ -27,6 +27,8 @@ fn a_program_comes_back_as_it_was() {
     let names = bench.get("/programs").with(200).json();
     assert_eq!(names.as_array().unwrap().len(), 2);
     bench.upload("O1.nc", b"other").with(409);
+    bench.upload("lathes?overwrite=true", b"a folder is there").with(409);
+    bench.upload("O1.nc%2FO2.nc", b"a program is there").with(409);
     bench.upload("O1.nc?overwrite=true", b"other").with(201);
     assert_eq!(bench.get("/programs/O1.nc").with(200).body, b"other");
     bench.upload("O1.nc?overwrite=true", b"").with(422);
@@ -69,6 +71,7 @@ fn a_job_is_paused_resumed_aborted_and_begun_again() {
     bench.until(&path, |job| job["surely_left"].as_u64() > Some(100));
     bench.post(&format!("{path}/pause"), &json!({})).with(200);
     bench.until(&path, |job| job["state"] == "paused");
+    bench.post(&format!("{path}/restart"), &json!({})).with(409);
     bench.post(&format!("{path}/resume"), &json!({})).with(200);
     bench.until(&path, |job| job["state"] == "running");
     let waits = format!("/jobs/{}", waiting["id"]);

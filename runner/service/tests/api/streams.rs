@@ -48,17 +48,21 @@ fn next(lines: &mut BufReader<TcpStream>, name: &str) -> Option<Vec<Value>> {
 fn changes_are_told_as_they_happen() {
     let bench = Bench::new();
     bench.until_link("lathe-1", "idle");
-    let mut events = listen(&bench, "/api/v1/events");
     bench.upload("O1.nc", b"G0 X1\nM30\n").with(201);
+    let mut events = listen(&bench, "/api/v1/events");
     let job = bench.post("/links/lathe-1/jobs", &json!({ "program": "O1.nc" })).with(201).json();
-    let mut seen = Vec::new();
-    while !seen.iter().any(|state| state == "done") {
+    let (mut seen, mut journal) = (Vec::new(), Vec::new());
+    let is_over = |journal: &[String]| journal.iter().any(|text| text.contains("is done"));
+    while !seen.iter().any(|state| state == "done") || !is_over(&journal) {
         for change in next(&mut events, "changes").expect("it goes on") {
             if change["change"] == "job" && change["id"] == job["id"] {
                 seen.push(change["state"].as_str().unwrap().to_owned());
+            } else if change["change"] == "journal" && change["job"] == job["id"] {
+                journal.push(change["text"].as_str().unwrap().to_owned());
             }
         }
     }
+    assert!(journal[0].contains("is queued") && journal[1].contains("begins"), "{journal:?}");
 }
 
 #[test]

@@ -203,3 +203,14 @@ fn a_plug_in_is_swapped_in_the_middle_of_a_job() {
     wait_for("the job's end", || gateway.job(JobId(job.id)).unwrap().state == JobState::Done);
     wait_for("the swap", || journal_says(gateway, "runs in place of"));
 }
+
+#[test]
+fn an_empty_configuration_closes_no_link() {
+    let shop = Shop::with(1, "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n");
+    shop.configure(|_| String::new());
+    let refused = shop.gateway().reload().unwrap_err().to_string();
+    assert!(refused.contains("is empty, as if it could not be written"), "{refused}");
+    assert_eq!(shop.gateway().links().unwrap().len(), 1);
+    shop.configure(|_| "# no links any more\n".to_owned());
+    assert_eq!(shop.gateway().reload().unwrap().removed, ["link-0"]);
+}

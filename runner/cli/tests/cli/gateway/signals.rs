@@ -1,9 +1,11 @@
 //! Signals: a configuration read again, and another command in the place of this one, while machines
 //! cut or send.
 
+use std::fs;
+use std::io::BufReader;
 use std::net::TcpStream;
 
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal, kill_process};
 use softplug_live::pty::PtyPair;
 
 use super::{Gateway, bench, link, ready, take, token, wait_for};
@@ -93,4 +95,17 @@ fn what_a_machine_sends_while_another_command_takes_over_is_not_lost() {
     gateway.signal(Signal::TERM);
     let (code, log) = gateway.end();
     assert_eq!(code, Some(0), "{log}");
+}
+
+#[test]
+fn a_log_that_cannot_be_written_ends_nothing() {
+    let bench = bench("");
+    token(&bench);
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let mut command = bench.command(&["gateway", "run", "gateway.toml", "--json", "-v"]);
+    let mut child = command.stderr(full).spawn().unwrap();
+    let mut out = BufReader::new(child.stdout.take().unwrap());
+    ready(&mut out);
+    kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0));
 }
