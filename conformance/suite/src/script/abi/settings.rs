@@ -7,7 +7,7 @@ use crate::run::erased::{Boxed, Erased};
 use crate::run::fault::WatchedFault;
 use crate::run::fault::{Fault, FaultClass};
 use crate::run::watched::{Meter, Watched};
-use softplug_abi::limits::{OUTPUT_ROUNDS, VALUE_BYTES};
+use softplug_abi::limits::{INPUT_BYTES, OUTPUT_ROUNDS, VALUE_BYTES};
 use softplug_abi::manifest::{Manifest, SettingValues, ValueType};
 use softplug_abi::{Event, Instance, LineParameters, Micros, Refusal, Value, ValueWriter, Values};
 use softplug_host::SessionFault;
@@ -57,11 +57,24 @@ fn start<'a>(context: &ScriptContext<'a>) -> Outcome<Player<'a>> {
 /// Gives one event with all its output; whether it was taken or refused. All else
 /// fails the script.
 fn give(player: &mut Player<'_>, event: &Event<'_>) -> Outcome<Result<(), Refusal>> {
+    gather(player, event, &mut Vec::new())
+}
+
+/// As [`give`]; the encoded actions are added to those before.
+fn gather(
+    player: &mut Player<'_>,
+    event: &Event<'_>,
+    actions: &mut Vec<u8>,
+) -> Outcome<Result<(), Refusal>> {
     let mut asked = event;
     for _ in 0..=OUTPUT_ROUNDS {
-        match player.step(asked, Micros::ZERO) {
-            Ok(output) if output.more => asked = &Event::Continue,
-            Ok(_) => return Ok(Ok(())),
+        let stepped = player.step(asked, Micros::ZERO).map(|output| {
+            actions.extend_from_slice(output.actions);
+            output.more
+        });
+        match stepped {
+            Ok(true) => asked = &Event::Continue,
+            Ok(false) => return Ok(Ok(())),
             Err(fault) => {
                 if let Some(refusal) = refusal(&fault) {
                     return Ok(Err(refusal));
@@ -99,18 +112,46 @@ fn give_all(player: &mut Player<'_>, values: &SettingValues) -> Outcome<Result<(
     }
 }
 
+/// Each value in an event of its own, as a host may: all pieces are of whole records.
+fn give_singly(player: &mut Player<'_>, values: &SettingValues) -> Outcome<Result<(), Refusal>> {
+    let all = values.as_slice();
+    let Some(last) = all.len().checked_sub(1) else { return give_all(player, values) };
+    for (at, value) in all.iter().enumerate() {
+        let mut buffer = [0; *INPUT_BYTES.start() as usize];
+        let mut writer = ValueWriter::new(&mut buffer);
+        if writer.push(at as u16, value.as_value()).is_err() {
+            return Err(not_applicable(&"a value is larger than any event"));
+        }
+        let (first, last) = (at == 0, at == last);
+        let event = Event::Settings { first, last, values: Values::new(writer.written()) };
+        if let Err(refusal) = give(player, &event)? {
+            return Ok(Err(refusal));
+        }
+    }
+    Ok(Ok(()))
+}
+
 /// Opens and closes with what was given.
 fn open_and_close(player: &mut Player<'_>) -> Outcome {
+    open_save_and_close(player, false).map(drop)
+}
+
+/// Opens, saves if it is asked for, and closes: all actions of that, encoded.
+fn open_save_and_close(player: &mut Player<'_>, saves: bool) -> Outcome<Vec<u8>> {
     let line = LineParameters::new(9_600);
     let (transmit_room, delivery_room) = (4_096, 4_096);
     let open = Event::Open { resumed: false, line, transmit_room, delivery_room };
-    for event in [open, Event::Close] {
-        if let Err(refusal) = give(player, &event)? {
+    let mut actions = Vec::new();
+    for event in [open, Event::Save, Event::Close] {
+        if event == Event::Save && !saves {
+            continue;
+        }
+        if let Err(refusal) = gather(player, &event, &mut actions)? {
             let message = format!("{} must be taken", event.kind());
             return Err(diverged(Micros::ZERO, message, "taken", refusal.text()));
         }
     }
-    Ok(())
+    Ok(actions)
 }
 
 fn defaults_and_presets(context: &mut ScriptContext<'_>) -> Outcome {
@@ -125,7 +166,17 @@ fn defaults_and_presets(context: &mut ScriptContext<'_>) -> Outcome {
             let message = format!("{words} must be taken");
             return Err(diverged(Micros::ZERO, message, "taken", refusal.text()));
         }
-        open_and_close(&mut player)?;
+        let saves = manifest.state.saves.is_some();
+        let whole = open_save_and_close(&mut player, saves)?;
+        let mut player = start(context)?;
+        if let Err(refusal) = give_singly(&mut player, &values)? {
+            let message = format!("{words}, each value in an event of its own, must be taken");
+            return Err(diverged(Micros::ZERO, message, "taken", refusal.text()));
+        }
+        if open_save_and_close(&mut player, saves)? != whole {
+            let message = format!("{words}, each value in an event of its own");
+            return Err(diverged(Micros::ZERO, message, "as with all in one", "otherwise"));
+        }
         context.log.push(format!("{words}: taken"));
     }
     Ok(())
