@@ -83,6 +83,9 @@ const LENGTHS: &[i64] = &[32, 64, 100, 125, 126, 127, 128, 129, 200, 254, 255, 2
 
 /// A block of such words.
 pub(crate) fn block(dice: &mut Dice) -> String {
+    if dice.one_in(4) {
+        return movement(dice);
+    }
     let has_macros = dice.one_in(6);
     let mut block = String::new();
     for _ in 0..dice.between(1, 6) {
@@ -95,6 +98,32 @@ pub(crate) fn block(dice: &mut Dice) -> String {
         }
     }
     block
+}
+
+/// A block as most of any program: to somewhere, with or without blanks between its words.
+fn movement(dice: &mut Dice) -> String {
+    let mut words = Vec::new();
+    if dice.one_in(3) {
+        words.push(format!("N{}", 10 * dice.below(1_000)));
+    }
+    if !dice.one_in(4) {
+        words.push((*dice.pick(&["G0", "G00", "G1", "G01", "G2", "G02", "G03"])).to_owned());
+    }
+    for axis in ["X", "Y", "Z"] {
+        if dice.one_in(2) {
+            let sign = if dice.one_in(2) { "-" } else { "" };
+            let (whole, part) = (dice.below(400), dice.below(1_000));
+            words.push(match dice.below(3) {
+                0 => format!("{axis}{sign}{whole}."),
+                1 => format!("{axis}{sign}{whole}.{part:03}"),
+                _ => format!("{axis}{sign}{whole}"),
+            });
+        }
+    }
+    if dice.one_in(3) {
+        words.push(format!("F{}", dice.below(2_000)));
+    }
+    words.join(if dice.one_in(2) { " " } else { "" })
 }
 
 /// A length that is more than a line mostly has.

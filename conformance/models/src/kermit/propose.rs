@@ -160,7 +160,16 @@ impl Kermit {
             0..=17 if is_inside => self.data_packet(next, dice),
             18..=20 if is_inside => self.says_as_agreed(b'Z', next, b""),
             0..=12 => {
-                const NAMES: &[&str] = &["O1.NC", "C:/a\\O2", "", "~%x/~&y", "a#Gb#", "&A&#J~"];
+                const NAMES: &[&str] = &[
+                    "O1.NC",
+                    "C:/a\\O2",
+                    "",
+                    "~%x/~&y",
+                    "a#Gb#",
+                    "&A&#J~",
+                    "_N_SHAFT_MPF",
+                    "%O0015",
+                ];
                 self.says_as_agreed(b'F', next, dice.pick(NAMES).as_bytes())
             }
             13..=20 => self.says_as_agreed(b'B', next, b""),
@@ -235,7 +244,16 @@ impl Kermit {
             }
         }
         let long = "x".repeat(dice.between(60, 66) as usize);
-        let names = ["O1.NC", "A#~&", "", "0123456789012345678", "Ä", &long];
+        let names = [
+            "O1.NC",
+            "A#~&",
+            "",
+            "0123456789012345678",
+            "Ä",
+            "_N_SHAFT_MPF",
+            "_N_DRILL_2_SPF",
+            &long,
+        ];
         let fields = match dice.below(3) {
             0 => vec![("name".to_owned(), (*dice.pick(&names)).to_owned())],
             _ => Vec::new(),

@@ -63,6 +63,8 @@ pub enum Clock {
     HalfWord,
     /// It passes 2³² µs (71 minutes) in the middle of the case.
     Word,
+    /// It passes 2³² ms (49.7 days) in the middle of the case.
+    Millis,
     /// At 31 days.
     Month,
     /// At ten years.
@@ -70,12 +72,14 @@ pub enum Clock {
 }
 
 impl Clock {
-    pub(crate) const ALL: [Self; 4] = [Self::HalfWord, Self::Word, Self::Month, Self::Years];
+    pub(crate) const ALL: [Self; 5] =
+        [Self::HalfWord, Self::Word, Self::Millis, Self::Month, Self::Years];
 
     const fn name(self) -> &'static str {
         match self {
             Self::HalfWord => "2^31us",
             Self::Word => "2^32us",
+            Self::Millis => "2^32ms",
             Self::Month => "31d",
             Self::Years => "10y",
         }
@@ -88,6 +92,7 @@ impl Clock {
         match self {
             Self::HalfWord => passing(1 << 31),
             Self::Word => passing(1 << 32),
+            Self::Millis => passing(1_000 << 32),
             Self::Month => Micros(31 * DAY.0),
             Self::Years => Micros(3_653 * DAY.0),
         }
@@ -194,7 +199,7 @@ impl fmt::Display for Permutation {
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
     "there is no permutation \"{0}\"; there are uncut, late, late:N, cut:1, cut:whole, \
-     cut:random-NN, twice, swap:all, swap:N, later:CLOCK and idle:CLOCK (2^31us, 2^32us, 31d, 10y), \
+     cut:random-NN, twice, swap:all, swap:N, later:CLOCK and idle:CLOCK (2^31us, 2^32us, 2^32ms, 31d, 10y), \
      rooms:small, rooms:odd, rooms:large, rooms:drips, rooms:sips, after:ID, again:N, byte:HH and A+B"
 )]
 pub struct UnknownPermutation(String);
