@@ -5,7 +5,9 @@ use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use softplug_live::plain_text;
-use softplug_live::store::{numbered, rename_to_free, rename_to_new, sync_folder};
+use softplug_live::store::{
+    copy_at_one_moment, numbered, rename_to_free, rename_to_new, sync_folder,
+};
 
 use crate::failure::Failure;
 
@@ -21,19 +23,17 @@ pub(crate) struct Program {
 impl Program {
     /// Of a job without data.
     pub(crate) fn nothing() -> Result<Self, Failure> {
-        let file = tempfile::tempfile().map_err(|error| {
-            Failure::usage(format_args!("cannot make a temporary file: {error}"))
-        })?;
-        Ok(Self { file, size: 0, name: "the job".to_owned() })
+        Ok(Self { file: temporary()?, size: 0, name: "the job".to_owned() })
     }
 
-    /// Opens the file; `-` is standard input, taken in whole, because a check
-    /// reads the program before it is sent.
+    /// Takes a copy of the file, so that what is sent is what it was at one moment, whoever writes
+    /// to it meanwhile; `-` is standard input, taken in whole, because a check reads the program
+    /// before it is sent.
     pub(crate) fn open(path: &Path) -> Result<Self, Failure> {
         let (mut file, name) = if path == Path::new("-") {
             (spool(&mut io::stdin().lock())?, "standard input".to_owned())
         } else {
-            (open(path)?, path.display().to_string())
+            (copy(path)?, path.display().to_string())
         };
         let size = file
             .seek(io::SeekFrom::End(0))
@@ -56,7 +56,8 @@ impl Program {
     }
 }
 
-fn open(path: &Path) -> Result<File, Failure> {
+/// The file as it is now.
+fn copy(path: &Path) -> Result<File, Failure> {
     let metadata = fs::metadata(path).map_err(|error| unreadable(path, &error))?;
     if metadata.is_dir() {
         return Err(Failure::usage(format_args!(
@@ -71,7 +72,23 @@ fn open(path: &Path) -> Result<File, Failure> {
             path.display()
         )));
     }
-    File::open(path).map_err(|error| unreadable(path, &error))
+    File::open(path).map_err(|error| unreadable(path, &error))?;
+    let mut file = temporary()?;
+    let copied = copy_at_one_moment(path, &mut file).map_err(|error| {
+        Failure::usage(format_args!("cannot copy {} to send it: {error}", path.display()))
+    })?;
+    match copied {
+        Some(_) => Ok(file),
+        None => Err(Failure::usage(format_args!(
+            "{} is being written: try again when that has ended",
+            path.display()
+        ))),
+    }
+}
+
+fn temporary() -> Result<File, Failure> {
+    tempfile::tempfile()
+        .map_err(|error| Failure::usage(format_args!("cannot make a temporary file: {error}")))
 }
 
 fn spool(from: &mut impl Read) -> Result<File, Failure> {

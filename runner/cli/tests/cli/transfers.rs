@@ -94,6 +94,35 @@ fn ctrl_c_aborts_a_sending_in_the_middle() {
 }
 
 #[test]
+fn a_file_is_sent_as_it_was_when_the_command_began() {
+    let bench = Bench::new();
+    let text = program("surfacing.nc");
+    bench.write("O1.nc", &text);
+    let pty = PtyPair::open().unwrap();
+    let send = ["send", "--port", &slave(&pty), "--plugin", "xon-xoff", "O1.nc", "--json"];
+    let child = bench.command(&[&send[..], &LINE].concat()).spawn().unwrap();
+    let mut got = read(&pty, 10);
+    // The control holds, and somebody saves another program under this name.
+    pty.write(&[0x13]).unwrap();
+    std::fs::write(bench.path("O1.nc"), "M30\n").unwrap();
+    pty.write(&[0x11]).unwrap();
+    got.extend(read(&pty, text.len() - got.len()));
+    let json = ended(child).with_code(0).json();
+    assert_eq!((&json["result"], &json["sent"]), (&"done".into(), &text.len().into()), "{json}");
+    assert!(got == text, "what arrived is not what the file was");
+}
+
+#[test]
+fn a_file_that_is_being_written_is_not_sent() {
+    let bench = Bench::new();
+    // Its length never fits what is read of it.
+    let send = ["send", "--dry-run", "--plugin", "xon-xoff", "/proc/self/status"];
+    let ran = bench.run(&send).with_code(2);
+    let said = "/proc/self/status is being written: try again when that has ended";
+    assert!(ran.err.contains(said), "{ran}");
+}
+
+#[test]
 fn a_terminal_that_closes_aborts_as_ctrl_c_does() {
     let bench = Bench::new();
     bench.write("O1.nc", program("surfacing.nc"));

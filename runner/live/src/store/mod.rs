@@ -1,11 +1,13 @@
 //! Folders for what machines send and for what they may ask for. Names come
 //! from the line and are never used as paths.
 
+mod copying;
 mod inbox;
 mod names;
 mod shelf;
 mod writers;
 
+pub use copying::copy_at_one_moment;
 pub use inbox::{Inbox, Kept, Mark};
 pub use names::{numbered, safe_name};
 pub use shelf::Shelf;

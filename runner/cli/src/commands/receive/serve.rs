@@ -1,7 +1,6 @@
 //! `softplug receive --dir`: all that comes into a folder, and out of another
 //! what machines ask for.
 
-use std::fs::File;
 use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -10,7 +9,7 @@ use serde::Serialize;
 use softplug_abi::Failure as Why;
 use softplug_abi::manifest::{Kind, Manifest};
 use softplug_catalogue::{HEAD_BYTES, Notations, is_same_program};
-use softplug_live::store::{Inbox, Mark, Shelf};
+use softplug_live::store::{Inbox, Mark, Shelf, copy_at_one_moment};
 use softplug_live::transfer::{
     self, Delivered, JobReport, News, Program, Reply, Request, SendOutcome, ServeEnd, ServeHandler,
     ServeOptions, ServeReport,
@@ -185,8 +184,13 @@ impl Counter<'_> {
             Some(path) => path,
             None => self.find_by_text(shelf, name)?,
         };
-        let file = File::open(&path).map_err(|error| refusal(&error))?;
-        let size = file.metadata().map_err(|error| refusal(&error))?.len();
+        // As it is now: the machine must not get half of what somebody is about to save.
+        let mut file = tempfile::tempfile().map_err(|error| refusal(&error))?;
+        let copied = copy_at_one_moment(&path, &mut file).map_err(|error| refusal(&error))?;
+        let size = copied.ok_or_else(|| {
+            self.error(format_args!("{} is being written: it is not sent", path.display()));
+            Why::Busy
+        })?;
         let job_kind = self.manifest.job_kind("send").ok_or(Why::NotSupported)?;
         let mut program = Program::new(path.display().to_string(), job_kind, Box::new(file));
         program.size = Some(size);
