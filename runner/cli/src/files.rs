@@ -277,14 +277,17 @@ impl Partial {
             _ => out.to_owned(),
         };
         let path = partial_path(&target);
-        let mut options = OpenOptions::new();
-        options.write(true);
         if force {
-            options.create(true).truncate(true)
-        } else {
-            options.create_new(true)
-        };
-        let file = options.open(&path).map_err(|error| match error.kind() {
+            // Taken away and not written over: it may be a link to somebody's file.
+            match fs::remove_file(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    return Err(unwritable(&path, &error));
+                }
+                _ => {}
+            }
+        }
+        let created = OpenOptions::new().write(true).create_new(true).open(&path);
+        let file = created.map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => left_behind(&path),
             _ => unwritable(&path, &error),
         })?;
@@ -420,6 +423,26 @@ mod tests {
         let out = folder.path().join("O1.nc");
         assert_eq!(Partial::create(&out, false).unwrap().keep(), None);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    #[cfg(unix)]
+    #[test]
+    fn what_a_killed_reception_left_is_taken_away_and_never_written_through() {
+        let folder = tempfile::tempdir().unwrap();
+        let (victim, out) = (folder.path().join("victim"), folder.path().join("O1.nc"));
+        fs::write(&victim, "theirs").unwrap();
+        for is_link in [true, false] {
+            if is_link {
+                std::os::unix::fs::symlink("victim", folder.path().join("O1.nc.partial")).unwrap();
+            } else {
+                fs::hard_link(&victim, folder.path().join("O1.nc.partial")).unwrap();
+            }
+            assert!(Partial::create(&out, false).is_err());
+            Partial::create(&out, true).unwrap().write(b"G1").unwrap();
+            assert_eq!(fs::read(&victim).unwrap(), b"theirs");
+            assert!(fs::symlink_metadata(&out).unwrap().is_file());
+            assert_eq!(fs::read(&out).unwrap(), b"G1");
+        }
+    }
+
         for (bytes, name) in [("G1", "O1.nc.failed"), ("G2", "O1-2.nc.failed")] {
             let mut partial = Partial::create(&out, false).unwrap();
             partial.file.write_all(bytes.as_bytes()).unwrap();
