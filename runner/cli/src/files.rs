@@ -343,6 +343,18 @@ impl Partial {
     }
 }
 
+/// Flushed it is on the disk, with its name.
+impl Write for Partial {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.sync_all()?;
+        sync_folder(folder_of(&self.path))
+    }
+}
+
 fn partial_path(out: &Path) -> PathBuf {
     let mut path = out.as_os_str().to_owned();
     path.push(".partial");
@@ -411,18 +423,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_file_without_an_end_is_not_read() {
-        let failure = read(Path::new("/dev/zero")).unwrap_err();
-        assert!(failure.message.contains("has more than"), "{}", failure.message);
-    }
-
-    #[test]
-    fn what_came_stays_and_nothing_leaves_nothing() {
-        let folder = tempfile::tempdir().unwrap();
-        let out = folder.path().join("O1.nc");
-        assert_eq!(Partial::create(&out, false).unwrap().keep(), None);
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     #[cfg(unix)]
     #[test]
     fn what_a_killed_reception_left_is_taken_away_and_never_written_through() {
@@ -443,6 +443,18 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_file_without_an_end_is_not_read() {
+        let failure = read(Path::new("/dev/zero")).unwrap_err();
+        assert!(failure.message.contains("has more than"), "{}", failure.message);
+    }
+
+    #[test]
+    fn what_came_stays_and_nothing_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("O1.nc");
+        assert_eq!(Partial::create(&out, false).unwrap().keep(), None);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
         for (bytes, name) in [("G1", "O1.nc.failed"), ("G2", "O1-2.nc.failed")] {
             let mut partial = Partial::create(&out, false).unwrap();
             partial.file.write_all(bytes.as_bytes()).unwrap();

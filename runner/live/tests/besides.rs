@@ -4,7 +4,7 @@
 #![cfg(target_os = "linux")]
 
 use std::fs::{self, File};
-use std::io::{Cursor, ErrorKind, Read, Write};
+use std::io::{self, Cursor, ErrorKind, Read, Write};
 use std::os::fd::AsFd;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -17,7 +17,10 @@ use softplug_abi::manifest::Manifest;
 use softplug_live::pty::PtyPair;
 use softplug_live::station::{Station, StationOptions};
 use softplug_live::store::Inbox;
-use softplug_live::transfer::{ReceiveOutcome, SendOptions, SendOutcome, ask, receive};
+use softplug_live::transfer::{
+    Delivered, News, ReceiveOutcome, Reply, Request, SendOptions, SendOutcome, ServeHandler,
+    ServeOptions, TransferError, ask, receive, serve,
+};
 use softplug_live::{Port, PortOptions, PortSpec};
 use softplug_native::{NativeInstance, NativePlugin};
 
@@ -141,6 +144,139 @@ fn the_next_program_of_one_punch_is_kept_beside_the_first() {
     assert_eq!(names(folder.path()), ["O2"]);
     assert_eq!(fs::read(folder.path().join("O2")).unwrap(), b"%\nO2\nM30\n%\n");
     assert_eq!((report.kept.len(), report.dropped), (1, 0));
+}
+
+/// All that the partner finds on the line when the station has gone.
+fn rest(pair: &PtyPair) -> Vec<u8> {
+    let mut master = File::from(pair.master().as_fd().try_clone_to_owned().unwrap());
+    let mut rest = Vec::new();
+    // It ends with an error, as nobody has the other side.
+    let _ = master.read_to_end(&mut rest);
+    rest
+}
+
+/// A disk that is full: at the begin, at the first byte, or when all is to be put away.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+enum Full {
+    Begin,
+    Write,
+    End,
+}
+
+const ENOSPC: io::ErrorKind = ErrorKind::StorageFull;
+
+impl Full {
+    fn at(self, step: Self) -> io::Result<()> {
+        if self == step { Err(ENOSPC.into()) } else { Ok(()) }
+    }
+}
+
+impl Write for Full {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.at(Self::Write).map(|()| bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.at(Self::End)
+    }
+}
+
+impl ServeHandler for Full {
+    fn begin(&mut self) -> io::Result<()> {
+        self.at(Self::Begin)
+    }
+
+    fn deliver(&mut self, _: &[u8]) -> io::Result<()> {
+        self.at(Self::Write)
+    }
+
+    fn end(&mut self, _: &Delivered) -> io::Result<()> {
+        self.at(Self::End)
+    }
+
+    fn asked(&mut self, _: &Request) -> Reply {
+        Reply::Refused(softplug_abi::Failure::NotFound)
+    }
+
+    fn tell(&mut self, _: &News<'_>) {}
+}
+
+/// A partner that sends its block, and may find nothing behind the DLE that we are ready.
+fn sends_a_block(pair: PtyPair) -> JoinHandle<PtyPair> {
+    partner(pair, vec![(Vec::new(), vec![STX]), (vec![DLE], THEIRS.to_vec())])
+}
+
+#[test]
+fn a_block_that_cannot_be_put_away_is_not_acknowledged() {
+    let stop = AtomicBool::new(false);
+    for mut full in [Full::Write, Full::End] {
+        let (mut station, pair) = pair(NativePlugin::R3964, &QUIET, 16_384);
+        let far = sends_a_block(pair);
+        let failed = receive(&mut station, &mut full, None, None, &stop, &mut |_| {}).unwrap_err();
+        assert!(
+            matches!(&failed, TransferError::Sink(error) if error.kind() == ENOSPC),
+            "{failed}"
+        );
+        drop(station);
+        assert_eq!(rest(&far.join().unwrap()), b"", "{full:?}");
+    }
+    for mut full in [Full::Begin, Full::Write, Full::End] {
+        let (mut station, pair) = pair(NativePlugin::R3964, &QUIET, 16_384);
+        let far = sends_a_block(pair);
+        let options = ServeOptions::default();
+        let failed = serve(&mut station, &mut full, &options, &stop, &mut |_| {}).unwrap_err();
+        assert!(
+            matches!(&failed, TransferError::Sink(error) if error.kind() == ENOSPC),
+            "{failed}"
+        );
+        drop(station);
+        assert_eq!(rest(&far.join().unwrap()), b"", "{full:?}");
+    }
+}
+
+#[test]
+fn what_comes_besides_and_cannot_be_put_away_ends_the_job_unacknowledged() {
+    let folder = tempfile::tempdir().unwrap();
+    let gone = folder.path().join("gone");
+    fs::create_dir(&gone).unwrap();
+    let mut inbox = Inbox::new(&gone).unwrap();
+    fs::remove_dir(&gone).unwrap();
+    let (mut station, pair) = pair(NativePlugin::R3964, &QUIET, 16_384);
+    let far = partner(pair, vec![(vec![STX], vec![STX]), (vec![DLE], THEIRS.to_vec())]);
+    let (options, stop) = (SendOptions::default(), AtomicBool::new(false));
+    let (mut source, mut answer) = (Cursor::new(b"A"), Vec::new());
+    let besides = Some(&mut inbox);
+    let failed = ask(&mut station, &mut source, &mut answer, besides, &options, &stop, &mut |_| {});
+    let failed = failed.unwrap_err();
+    let is_missing = |error: &io::Error| error.kind() == ErrorKind::NotFound;
+    assert!(matches!(&failed, TransferError::Besides(error) if is_missing(error)), "{failed}");
+    drop(station);
+    let rest = rest(&far.join().unwrap());
+    assert!(!rest.contains(&DLE), "{rest:x?}");
+}
+
+#[test]
+fn a_sender_of_xmodem_is_told_that_it_cannot_be_put_away() {
+    const ACK: u8 = 0x06;
+    const CAN: u8 = 0x18;
+    let stop = AtomicBool::new(false);
+    // SOH, the first block of 128 times A, and its sum, which is 0x80 times 0x41.
+    let block = [&[1, 1, 0xfe][..], &[b'A'; 128], &[0x80]].concat();
+    for is_served in [false, true] {
+        let check = [("mode", "checksum")];
+        let (mut station, pair) = pair(NativePlugin::Xmodem, &check, 16_384);
+        let far = partner(pair, vec![(vec![NAK], block.clone())]);
+        let mut full = Full::Write;
+        let failed = if is_served {
+            serve(&mut station, &mut full, &ServeOptions::default(), &stop, &mut |_| {}).map(drop)
+        } else {
+            receive(&mut station, &mut full, None, None, &stop, &mut |_| {}).map(drop)
+        };
+        assert!(matches!(failed, Err(TransferError::Sink(_))), "{failed:?}");
+        drop(station);
+        let rest = rest(&far.join().unwrap());
+        assert!(rest.contains(&CAN) && !rest.contains(&ACK), "{rest:x?}");
+    }
 }
 
 #[test]

@@ -3,6 +3,8 @@
 pub(crate) mod machine;
 pub(crate) mod progress;
 
+use std::path::Path;
+
 use serde::Serialize;
 use softplug_abi::NoteLevel;
 use softplug_abi::manifest::{Manifest, SettingValues};
@@ -85,14 +87,34 @@ pub(crate) fn station(
     Ok(Station::new(port, instance, options)?)
 }
 
+/// Of a transfer that wrote no files.
 pub(crate) fn transfer_failure(error: TransferError<AnyFault>) -> Failure {
+    transfer_failure_at(error, None, None)
+}
+
+/// Of one that wrote what came into `out`, and what came besides into `besides`.
+pub(crate) fn transfer_failure_at(
+    error: TransferError<AnyFault>,
+    out: Option<&Path>,
+    besides: Option<&Path>,
+) -> Failure {
+    let into = |path: Option<&Path>| {
+        path.map(|path| format!(" into {}", path.display())).unwrap_or_default()
+    };
     match error {
         TransferError::Station(StationError::Port(error)) => error.into(),
         TransferError::Station(StationError::Plugin(fault)) => {
             Failure::new(Exit::Failed, format_args!("the plug-in cannot go on: {fault}"))
         }
         TransferError::Source(_) => Failure::usage(error),
-        TransferError::Sink(_) => Failure::new(Exit::Failed, error),
+        TransferError::Sink(error) => Failure::usage(format_args!(
+            "what was received cannot be written{}: {error}",
+            into(out)
+        )),
+        TransferError::Besides(error) => Failure::usage(format_args!(
+            "what came besides cannot be written{}: {error}",
+            into(besides)
+        )),
     }
 }
 

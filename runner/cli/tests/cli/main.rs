@@ -33,6 +33,8 @@ mod pack;
 mod plan;
 mod plugins;
 #[cfg(target_os = "linux")]
+mod put_away;
+#[cfg(target_os = "linux")]
 mod record;
 mod recorded;
 mod refusals;

@@ -13,7 +13,7 @@ pub use departures::{Left, Place};
 use departures::Departures;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Instance, LineParameters, LinkDownReason, Micros, ModemLines};
-use softplug_link::{Link, LinkFault, LinkHost, LinkOptions};
+use softplug_link::{Link, LinkFault, LinkHost, LinkOptions, Taken};
 use std::error::Error;
 use tap::Tap;
 use thiserror::Error;
@@ -88,6 +88,11 @@ pub trait ChannelHost: LinkHost {
     /// The port took these bytes.
     fn wrote(&mut self, now: Micros, bytes: &[u8]) {
         let _ = (now, bytes);
+    }
+
+    /// Whether nothing may leave for now, whatever the plug-in has said.
+    fn keeps_back(&self) -> bool {
+        false
     }
 
     /// The port's modem lines are these now: which it has, and those that are on.
@@ -472,6 +477,24 @@ impl<I: Instance> Channel<I> {
     fn drop_pending(&mut self) {
         self.never_given += (self.pending_to - self.pending_from) as u64;
         (self.pending_from, self.pending_to) = (0, 0);
+    }
+
+    /// What the plug-in has said and the port was not given is not sent any more, unless it is held:
+    /// that waits as before.
+    pub(crate) fn drop_unsent(&mut self, now: Micros) {
+        self.drop_pending();
+        self.break_next = None;
+        loop {
+            match self.link.take(&mut self.pending) {
+                Taken::Nothing => break,
+                Taken::Bytes(count) => self.never_given += count as u64,
+                Taken::Break(_) => {}
+            }
+        }
+        if self.gone.is_none() && self.never_given > 0 {
+            self.pass_over_never_given();
+            self.departures.lost(now);
+        }
     }
 
     /// The link counts what it gave out: places go on behind it, else what follows would never

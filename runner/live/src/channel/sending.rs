@@ -32,7 +32,7 @@ impl<I: Instance> Channel<I> {
         clock: Clock,
         host: &mut dyn ChannelHost,
     ) -> Result<bool, ChannelError<I::Fault>> {
-        if self.call_back(now)? || self.breaks(now)? {
+        if host.keeps_back() || self.call_back(now)? || self.breaks(now)? {
             return Ok(false);
         }
         if self.pending_from == self.pending_to && !self.link.has_to_send() {

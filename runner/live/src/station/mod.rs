@@ -2,6 +2,9 @@
 
 pub use crate::channel::{ChannelError as StationError, Counters, StationOptions};
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use softplug_abi::{Action, Failure, Instance, JobId, LinkDownReason, Micros, RequestId};
 use softplug_link::{Job, Link, LinkHost, Supply};
 
@@ -20,6 +23,23 @@ pub enum Turn {
     Gone(LinkDownReason),
 }
 
+/// Keeps all back that the plug-in says. For a host that cannot put away what was delivered: it
+/// pulls the brake before it lets the action go, and the acknowledgement behind it does not leave.
+#[derive(Clone, Debug, Default)]
+pub struct Brake(Arc<AtomicBool>);
+
+impl Brake {
+    /// Nothing leaves any more, until [`Station::drop_unsent`].
+    pub fn pull(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether nothing leaves.
+    pub fn is_pulled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
 /// One port with a plug-in on it.
 ///
 /// [`turn`](Self::turn) reads, delivers what is due, writes what may leave, and
@@ -28,13 +48,15 @@ pub enum Turn {
 pub struct Station<I: Instance> {
     channel: Channel<I>,
     poller: Poller,
+    brake: Brake,
 }
 
 impl<I: Instance> Station<I> {
     /// A station whose link is not open yet.
     pub fn new(port: Port, instance: I, options: StationOptions) -> Result<Self, PortError> {
         let poller = Poller::new(Clock::start())?;
-        Ok(Self { channel: Channel::new(port, instance, options), poller })
+        let channel = Channel::new(port, instance, options);
+        Ok(Self { channel, poller, brake: Brake::default() })
     }
 
     /// The port.
@@ -60,6 +82,18 @@ impl<I: Instance> Station<I> {
     /// What has left of all that the port was given behind `from`.
     pub fn left(&mut self, from: Place) -> Left {
         self.channel.left(self.now(), from)
+    }
+
+    /// What the host pulls when something must not leave.
+    pub fn brake(&self) -> Brake {
+        self.brake.clone()
+    }
+
+    /// Drops what the plug-in has said and the port was not given, and lets the brake go.
+    pub fn drop_unsent(&mut self) {
+        let now = self.now();
+        self.channel.drop_unsent(now);
+        self.brake.0.store(false, Ordering::Relaxed);
     }
 
     /// Time on the link's clock.
@@ -112,7 +146,7 @@ impl<I: Instance> Station<I> {
         act: impl FnOnce(&mut Link<I>, Micros, &mut dyn LinkHost) -> R,
     ) -> Result<R, PortError> {
         let now = self.now();
-        self.channel.ask(now, &mut Unwatched(host), act)
+        self.channel.ask(now, &mut Unwatched(host, &self.brake), act)
     }
 
     /// One turn: what came, what is due, what may leave; then waits until there
@@ -146,15 +180,16 @@ impl<I: Instance> Station<I> {
         Ok(turn)
     }
 
-    /// Lets what was given to the port leave, at most for `patience`, then
-    /// closes the link.
+    /// Lets what was given to the port leave, at most for `patience` and not with the brake
+    /// pulled, then closes the link.
     pub fn close(
         &mut self,
         patience: Micros,
         host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
         let until = self.now() + patience;
-        while self.now() < until && self.channel.is_settling(self.now()) {
+        while self.now() < until && !self.brake.is_pulled() && self.channel.is_settling(self.now())
+        {
             if self.work(host)? == Work::Done {
                 // Nobody tells when the line has sent all.
                 let look = self.channel.next_look_at_the_line(self.now());
@@ -167,7 +202,7 @@ impl<I: Instance> Station<I> {
     /// What a lane of a reactor does in its turn, too.
     fn work(&mut self, host: &mut dyn LinkHost) -> Result<Work, StationError<I::Fault>> {
         self.channel.set_readable();
-        self.channel.work(self.poller.clock(), &mut Unwatched(host))
+        self.channel.work(self.poller.clock(), &mut Unwatched(host, &self.brake))
     }
 
     fn wait(&mut self, until: Micros) -> Result<(), PortError> {
@@ -181,9 +216,13 @@ impl<I: Instance> Station<I> {
 }
 
 /// A host that does not look at the line.
-struct Unwatched<'a>(&'a mut dyn LinkHost);
+struct Unwatched<'a>(&'a mut dyn LinkHost, &'a Brake);
 
-impl ChannelHost for Unwatched<'_> {}
+impl ChannelHost for Unwatched<'_> {
+    fn keeps_back(&self) -> bool {
+        self.1.is_pulled()
+    }
+}
 
 impl LinkHost for Unwatched<'_> {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {

@@ -16,7 +16,7 @@ pub use serve::{
 pub use source::ReadSeek;
 pub use unasked::Reception;
 
-use softplug_abi::{Failure, Instance, JobId, Micros, NoteLevel, RequestId};
+use softplug_abi::{Action, Failure, Instance, JobId, Micros, NoteLevel, RequestId};
 use softplug_link::LinkHost;
 use std::error::Error;
 use std::io;
@@ -31,6 +31,8 @@ use crate::station::{Station, StationError, Turn};
 const TICK: Micros = Micros::from_millis(100);
 /// How long last words to the partner may take to leave.
 const PATIENCE: Micros = Micros::from_secs(2);
+/// For so long a plug-in may wait with its last words.
+const LAST_WORDS: Micros = Micros::from_secs(5);
 
 /// How far a transfer has come.
 #[derive(Clone, Debug)]
@@ -69,9 +71,12 @@ pub enum TransferError<F: Error + 'static> {
     /// The program could not be read.
     #[error("the program cannot be read: {0}")]
     Source(#[source] io::Error),
-    /// What came could not be written.
+    /// What came could not be written. Nothing that would have acknowledged it has left.
     #[error("what was received cannot be written: {0}")]
     Sink(#[source] io::Error),
+    /// What came besides could not be written. Nothing that would have acknowledged it has left.
+    #[error("what came besides cannot be written: {0}")]
+    Besides(#[source] io::Error),
 }
 
 impl<F: Error + 'static> From<PortError> for TransferError<F> {
@@ -108,6 +113,38 @@ fn take_the_rest<I: Instance, H: LinkHost>(
         station.abort(JobId::NONE, host)?;
     }
     Ok(())
+}
+
+/// What a protocol says to its partner behind an abort may have to wait until the line is clear: the
+/// plug-in has a timer then.
+fn tell_the_partner<I: Instance>(
+    station: &mut Station<I>,
+    host: &mut dyn LinkHost,
+) -> Result<(), TransferError<I::Fault>> {
+    let until = station.now() + LAST_WORDS;
+    let brake = station.brake();
+    let before = station.counters().bytes_out;
+    while station.now() < until
+        && !brake.is_pulled()
+        && station.counters().bytes_out == before
+        && station.link().poll_timeout().is_some()
+    {
+        let turn = station.turn((station.now() + TICK).min(until), host)?;
+        if let Turn::Gone(_) = turn {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Whether what the plug-in says behind this action must not leave, because the host could not, or
+/// can no longer, put away what was delivered: as soon as that is so, and with each delivery that
+/// begins or is complete from then on. What an abort brings is told: of that delivery nobody is led to
+/// believe that it arrived.
+fn is_unacknowledged(action: &Action<'_>, had_failed: bool, has_failed: bool) -> bool {
+    let claims =
+        matches!(action, Action::DeliveryBegin { .. } | Action::DeliveryEnd { failure: None, .. });
+    has_failed && (claims || !had_failed)
 }
 
 fn duration(span: Micros) -> Duration {

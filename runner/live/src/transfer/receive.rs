@@ -8,9 +8,10 @@ use std::time::Duration;
 
 use super::unasked::{Reception, Unasked};
 use super::{
-    Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all, take_the_rest,
+    Note, PATIENCE, Progress, TICK, TransferError, duration, is_unacknowledged, note,
+    refuse_all, take_the_rest, tell_the_partner,
 };
-use crate::station::{Station, Turn};
+use crate::station::{Brake, Station, Turn};
 use crate::store::Inbox;
 
 /// How a reception ended.
@@ -55,13 +56,14 @@ pub struct ReceiveReport {
     pub notes: Vec<Note>,
 }
 
-/// For so long a plug-in may wait with its last words.
-const LAST_WORDS: Micros = Micros::from_secs(5);
-
 /// Receives one delivery into `out`. `stop` ends it: what came by then is in
 /// `out`, and a partner that we hold is let go. Requests of the partner are refused. A delivery
 /// that has begun when the first one ends, such as the next program of one punch, goes into
 /// `besides` and is waited for; without that folder it is dropped and counted.
+///
+/// `out` is flushed when the delivery is complete, before the partner is told so. Where writing or
+/// flushing fails, what the plug-in said behind that does not leave: nothing is acknowledged that is
+/// nowhere.
 ///
 /// # Errors
 /// The port, the plug-in, the sink or `besides` failed.
@@ -73,7 +75,7 @@ pub fn receive<I: Instance>(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<ReceiveReport, TransferError<I::Fault>> {
-    let mut catch = Catch::new(out, unasked);
+    let mut catch = Catch::new(out, unasked, station.brake());
     station.open(&mut catch)?;
     let begin = station.now();
     let give_up_at = give_up_after.map_or(Micros::MAX, |span| {
@@ -83,6 +85,10 @@ pub fn receive<I: Instance>(
         let now = station.now();
         if stop.load(Ordering::Relaxed) || catch.error.is_some() {
             let was_under_way = station.link().has_delivery();
+            if catch.error.is_some() && was_under_way {
+                // The abort is told, and nothing of what was said before it.
+                station.drop_unsent();
+            }
             station.abort(JobId::NONE, &mut catch)?;
             if was_under_way {
                 tell_the_partner(station, &mut catch)?;
@@ -123,8 +129,11 @@ pub fn receive<I: Instance>(
     if catch.error.is_none() {
         catch.error = catch.out.flush().err();
     }
-    if let Some(error) = catch.error.or(catch.unasked.error) {
+    if let Some(error) = catch.error {
         return Err(TransferError::Sink(error));
+    }
+    if let Some(error) = catch.unasked.error {
+        return Err(TransferError::Besides(error));
     }
     Ok(ReceiveReport {
         outcome: catch.outcome.unwrap_or(ReceiveOutcome::Aborted),
@@ -139,31 +148,12 @@ pub fn receive<I: Instance>(
     })
 }
 
-/// What a protocol says to its partner behind an abort may have to wait until the line is clear: the
-/// plug-in has a timer then.
-fn tell_the_partner<I: Instance>(
-    station: &mut Station<I>,
-    host: &mut dyn LinkHost,
-) -> Result<(), TransferError<I::Fault>> {
-    let until = station.now() + LAST_WORDS;
-    let before = station.counters().bytes_out;
-    while station.now() < until
-        && station.counters().bytes_out == before
-        && station.link().poll_timeout().is_some()
-    {
-        let turn = station.turn((station.now() + TICK).min(until), host)?;
-        if let Turn::Gone(_) = turn {
-            break;
-        }
-    }
-    Ok(())
-}
-
 /// The host's side of the delivery.
 struct Catch<'a, W> {
     out: &'a mut W,
     /// What follows the first delivery.
     unasked: Unasked<'a>,
+    brake: Brake,
     bytes: u64,
     drained: u32,
     requests: Vec<u32>,
@@ -178,10 +168,11 @@ struct Catch<'a, W> {
 }
 
 impl<'a, W: Write> Catch<'a, W> {
-    fn new(out: &'a mut W, unasked: Option<&'a mut Inbox>) -> Self {
+    fn new(out: &'a mut W, unasked: Option<&'a mut Inbox>, brake: Brake) -> Self {
         Self {
             out,
             unasked: Unasked::new(unasked),
+            brake,
             bytes: 0,
             drained: 0,
             requests: Vec::new(),
@@ -198,6 +189,11 @@ impl<'a, W: Write> Catch<'a, W> {
 
     fn has_work(&self) -> bool {
         self.outcome.is_some() || self.error.is_some() || !self.requests.is_empty()
+    }
+
+    /// Whether something could not be put away.
+    fn has_failed(&self) -> bool {
+        self.error.is_some() || self.unasked.error.is_some()
     }
 
     fn elapsed(&self, now: Micros) -> Micros {
@@ -218,8 +214,8 @@ impl<'a, W: Write> Catch<'a, W> {
 
 // A new action has to be decided on here.
 #[deny(clippy::wildcard_enum_match_arm)]
-impl<W: Write> LinkHost for Catch<'_, W> {
-    fn handle(&mut self, now: Micros, action: &Action<'_>) {
+impl<W: Write> Catch<'_, W> {
+    fn take(&mut self, now: Micros, action: &Action<'_>) {
         match action {
             Action::DeliveryBegin { .. }
             | Action::Deliver { .. }
@@ -227,21 +223,25 @@ impl<W: Write> LinkHost for Catch<'_, W> {
             | Action::DeliveryEnd { .. }
                 if self.outcome.is_some() =>
             {
-                if let Action::Deliver { bytes, .. } = action {
+                self.unasked.take(action);
+                if let Action::Deliver { bytes, .. } = action
+                    && !self.has_failed()
+                {
                     self.drained += bytes.len() as u32;
                 }
-                self.unasked.take(action);
             }
             Action::DeliveryBegin { .. } => {
                 self.first_at.get_or_insert(now);
             }
             Action::Deliver { bytes, .. } => {
-                self.drained += bytes.len() as u32;
                 if self.error.is_some() {
                     return;
                 }
                 match self.out.write_all(bytes) {
-                    Ok(()) => self.bytes += bytes.len() as u64,
+                    Ok(()) => {
+                        self.bytes += bytes.len() as u64;
+                        self.drained += bytes.len() as u32;
+                    }
                     Err(error) => self.error = Some(error),
                 }
             }
@@ -249,6 +249,9 @@ impl<W: Write> LinkHost for Catch<'_, W> {
                 self.name = Some((*name).to_owned());
             }
             Action::DeliveryEnd { failure, status, .. } => {
+                if failure.is_none() && self.error.is_none() {
+                    self.error = self.out.flush().err();
+                }
                 self.outcome = Some(match failure {
                     None => ReceiveOutcome::Complete,
                     Some(Failure::Aborted) => ReceiveOutcome::Aborted,
@@ -273,6 +276,16 @@ impl<W: Write> LinkHost for Catch<'_, W> {
             | Action::CheckResult { .. }
             | Action::Withdraw { .. }
             | Action::Saved { .. } => {}
+        }
+    }
+}
+
+impl<W: Write> LinkHost for Catch<'_, W> {
+    fn handle(&mut self, now: Micros, action: &Action<'_>) {
+        let had_failed = self.has_failed();
+        self.take(now, action);
+        if is_unacknowledged(action, had_failed, self.has_failed()) {
+            self.brake.pull();
         }
     }
 

@@ -9,10 +9,11 @@ use std::time::Duration;
 use super::source::Source;
 use super::unasked::{Reception, Unasked};
 use super::{
-    Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all, take_the_rest,
+    Note, PATIENCE, Progress, TICK, TransferError, duration, is_unacknowledged, note, refuse_all,
+    take_the_rest,
 };
 use crate::channel::Left;
-use crate::station::{Station, Turn};
+use crate::station::{Brake, Station, Turn};
 use crate::store::Inbox;
 
 /// The only job of such a station.
@@ -134,7 +135,8 @@ pub fn send<I: Instance>(
 
 /// Carries out a job with all that it may bring: what answers it (it reads) goes to `answer`, and
 /// what the partner sends besides into `besides`; one that is under way when the job ends is
-/// waited for. Without that folder it is dropped: see [`send`].
+/// waited for. Without that folder it is dropped: see [`send`]. `answer` is flushed when the answer is
+/// complete. What cannot be put away is not acknowledged, and ends the job.
 ///
 /// # Errors
 /// The port, the plug-in, the source, `answer` or `besides` failed.
@@ -147,7 +149,8 @@ pub fn ask<I: Instance>(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<SendReport, TransferError<I::Fault>> {
-    let mut feed = Feed::new(source, answer, unasked);
+    let brake = station.brake();
+    let mut feed = Feed::new(source, answer, unasked, brake.clone());
     station.open(&mut feed)?;
     let begin = station.now();
     let place = station.place();
@@ -163,8 +166,16 @@ pub fn ask<I: Instance>(
     while feed.outcome.is_none() {
         if !is_stopped && (stop.load(Ordering::Relaxed) || feed.has_error()) {
             is_stopped = true;
+            if brake.is_pulled() {
+                station.drop_unsent();
+            }
             station.abort(JobId(JOB), &mut feed)?;
             continue;
+        }
+        if is_stopped && brake.is_pulled() {
+            // Nothing leaves any more, last words least of all.
+            feed.outcome = Some(SendOutcome::Aborted);
+            break;
         }
         let counters = station.counters();
         progress(&Progress {
@@ -177,7 +188,8 @@ pub fn ask<I: Instance>(
         });
         let until = station.now() + TICK;
         let has_work = |feed: &Feed<'_, _, _>| {
-            feed.outcome.is_some() || feed.has_error() || !feed.requests.is_empty()
+            let is_to_stop = feed.has_error() && (!is_stopped || feed.brake.is_pulled());
+            feed.outcome.is_some() || is_to_stop || !feed.requests.is_empty()
         };
         if let Turn::Gone(_) = station.turns(until, &mut feed, has_work)? {
             // Unless the plug-in, which was told, has ended the job.
@@ -198,8 +210,11 @@ pub fn ask<I: Instance>(
     if let Some(error) = feed.source.error {
         return Err(TransferError::Source(error));
     }
-    if let Some(error) = feed.answer_error.or(feed.unasked.error) {
+    if let Some(error) = feed.answer_error {
         return Err(TransferError::Sink(error));
+    }
+    if let Some(error) = feed.unasked.error {
+        return Err(TransferError::Besides(error));
     }
     let left = station.left(place);
     let outcome = feed.outcome.unwrap_or(SendOutcome::Aborted);
@@ -230,6 +245,7 @@ struct Feed<'a, S, W> {
     /// The delivery under way answers the job.
     is_answer: bool,
     unasked: Unasked<'a>,
+    brake: Brake,
     requests: Vec<u32>,
     outcome: Option<SendOutcome>,
     sent: u64,
@@ -240,13 +256,19 @@ struct Feed<'a, S, W> {
 }
 
 impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
-    fn new(source: &'a mut S, answer: &'a mut W, unasked: Option<&'a mut Inbox>) -> Self {
+    fn new(
+        source: &'a mut S,
+        answer: &'a mut W,
+        unasked: Option<&'a mut Inbox>,
+        brake: Brake,
+    ) -> Self {
         Self {
             source: Source::new(source),
             answer,
             answer_error: None,
             is_answer: false,
             unasked: Unasked::new(unasked),
+            brake,
             requests: Vec::new(),
             outcome: None,
             sent: 0,
@@ -258,7 +280,12 @@ impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
     }
 
     fn has_error(&self) -> bool {
-        self.source.error.is_some() || self.answer_error.is_some() || self.unasked.error.is_some()
+        self.source.error.is_some() || self.has_failed()
+    }
+
+    /// Whether something that came could not be put away.
+    fn has_failed(&self) -> bool {
+        self.answer_error.is_some() || self.unasked.error.is_some()
     }
 
     /// Bytes of the program that have left, or of the answer that came.
@@ -267,10 +294,12 @@ impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
     }
 
     fn deliver(&mut self, bytes: &[u8]) {
-        self.drained += bytes.len() as u32;
         if self.answer_error.is_none() {
             match self.answer.write_all(bytes) {
-                Ok(()) => self.answered += bytes.len() as u64,
+                Ok(()) => {
+                    self.answered += bytes.len() as u64;
+                    self.drained += bytes.len() as u32;
+                }
                 Err(error) => self.answer_error = Some(error),
             }
         }
@@ -279,8 +308,8 @@ impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
 
 // A new action has to be decided on here.
 #[deny(clippy::wildcard_enum_match_arm)]
-impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
-    fn handle(&mut self, _now: Micros, action: &Action<'_>) {
+impl<S: Read + Seek, W: Write> Feed<'_, S, W> {
+    fn take(&mut self, action: &Action<'_>) {
         match action {
             Action::JobDone { .. } | Action::JobFailed { .. } | Action::CheckResult { .. } => {
                 if let Some((outcome, sent)) = SendOutcome::of(action) {
@@ -295,8 +324,15 @@ impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
             }
             Action::Deliver { bytes, .. } if self.is_answer => self.deliver(bytes),
             Action::Deliver { bytes, .. } => {
-                self.drained += bytes.len() as u32;
                 self.unasked.take(action);
+                if self.unasked.error.is_none() {
+                    self.drained += bytes.len() as u32;
+                }
+            }
+            Action::DeliveryEnd { failure: None, .. } if self.is_answer => {
+                if self.answer_error.is_none() {
+                    self.answer_error = self.answer.flush().err();
+                }
             }
             Action::DeliveryName { .. } | Action::DeliveryEnd { .. } if !self.is_answer => {
                 self.unasked.take(action);
@@ -318,6 +354,16 @@ impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
             | Action::DeliveryEnd { .. }
             | Action::Withdraw { .. }
             | Action::Saved { .. } => {}
+        }
+    }
+}
+
+impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
+    fn handle(&mut self, _now: Micros, action: &Action<'_>) {
+        let had_failed = self.has_failed();
+        self.take(action);
+        if is_unacknowledged(action, had_failed, self.has_failed()) {
+            self.brake.pull();
         }
     }
 

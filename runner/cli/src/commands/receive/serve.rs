@@ -22,7 +22,7 @@ use crate::commands::send::{StatusDocument, check_message};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::live::progress::Bar;
-use crate::live::{say_notes, station, transfer_failure};
+use crate::live::{say_notes, station, transfer_failure_at};
 use crate::numbers;
 use crate::screen::Screen;
 use crate::stop;
@@ -95,6 +95,7 @@ pub(crate) fn serve(
         shelf,
         notations,
         head: Vec::new(),
+        unwritten: None,
         manifest: plugin.manifest(),
         bar: &bar,
         screen,
@@ -107,7 +108,8 @@ pub(crate) fn serve(
         bar.show(progress);
     });
     bar.end();
-    let report = served.map_err(transfer_failure)?;
+    let dir = arguments.dir.as_deref();
+    let report = served.map_err(|error| transfer_failure_at(error, dir, dir))?;
     let (exit, result, message) = verdict(&report, arguments.count, plugin.manifest());
     let ServeReport { complete, failed, sent, not_sent, refused, heard, .. } = report;
     screen.json_line(&Line::End { result, complete, failed, sent, not_sent, refused, heard });
@@ -164,6 +166,8 @@ struct Counter<'a> {
     /// The beginning of what comes.
     head: Vec<u8>,
     manifest: &'a Manifest,
+    /// Why the delivery under way is not written.
+    unwritten: Option<String>,
     bar: &'a Bar<'a>,
     screen: &'a Screen,
 }
@@ -219,6 +223,14 @@ impl Counter<'_> {
     }
 
     fn say(&self, text: impl std::fmt::Display) {
+    /// Remembers why something was not written.
+    fn written(&mut self, written: io::Result<()>) -> io::Result<()> {
+        if let Err(error) = &written {
+            self.unwritten.get_or_insert_with(|| error.to_string());
+        }
+        written
+    }
+
         self.bar.aside(|| self.screen.say(text));
     }
 
@@ -289,11 +301,13 @@ fn refusal(error: &io::Error) -> Why {
 impl ServeHandler for Counter<'_> {
     fn begin(&mut self) -> io::Result<()> {
         self.head.clear();
-        self.inbox.begin()
+        let begun = self.inbox.begin();
+        self.written(begun)
     }
 
     fn deliver(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.inbox.write(bytes)?;
+        let written = self.inbox.write(bytes);
+        self.written(written)?;
         let room = HEAD_BYTES - self.head.len();
         self.head.extend_from_slice(&bytes[..bytes.len().min(room)]);
         Ok(())
@@ -301,16 +315,21 @@ impl ServeHandler for Counter<'_> {
 
     fn end(&mut self, delivered: &Delivered) -> io::Result<()> {
         let mark = if delivered.failure.is_none() { Mark::Complete } else { Mark::Failed };
+        // The plug-in is not to blame for a disk that is full.
+        let unwritten = self.unwritten.take();
+        let failure = delivered.failure.filter(|_| unwritten.is_none());
         let said = delivered.name.clone().or_else(|| self.notations.name_in(&self.head));
         let name = said.as_deref();
         let kept = self.inbox.end(name, mark)?;
         let came = numbers::bytes(kept.bytes);
         let file = kept.path.map(|path| path.display().to_string());
         let place = file.as_ref().map(|file| format!(" in {file}")).unwrap_or_default();
-        let message = delivered.failure.map(|(failure, status)| {
-            let why = reason(self.manifest, failure, status);
-            format!("a reception failed after {came}: {why}")
-        });
+        let why = match (unwritten, failure) {
+            (Some(error), _) => Some(format!("it cannot be written: {error}")),
+            (None, Some((failure, status))) => Some(reason(self.manifest, failure, status)),
+            (None, None) => None,
+        };
+        let message = why.map(|why| format!("a reception failed after {came}: {why}"));
         match &message {
             None => {
                 let called = name.map(|name| format!(", called {}", name.escape_debug()));
@@ -330,10 +349,8 @@ impl ServeHandler for Counter<'_> {
             seconds: numbers::seconds(delivered.elapsed),
             file,
             name,
-            failure: delivered.failure.map(|(failure, _)| failure.name()),
-            status: delivered
-                .failure
-                .and_then(|(_, status)| StatusDocument::new(self.manifest, status)),
+            failure: failure.map(|(failure, _)| failure.name()),
+            status: failure.and_then(|(_, status)| StatusDocument::new(self.manifest, status)),
             message,
         });
         Ok(())

@@ -16,7 +16,9 @@ use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::Partial;
 use crate::live::progress::Bar;
-use crate::live::{kept_documents, note_documents, say_kept, say_notes, station, transfer_failure};
+use crate::live::{
+    kept_documents, note_documents, say_kept, say_notes, station, transfer_failure_at,
+};
 use crate::numbers;
 use crate::screen::Screen;
 use crate::stop;
@@ -36,7 +38,8 @@ pub(crate) fn receive(
     let mut station = station(&arguments.port, &arguments.link, &plugin, settings, true, screen)?;
     let mut partial = Partial::create(out, arguments.force)?;
     let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut besides = Inbox::new(folder.unwrap_or(Path::new("."))).map_err(|error| {
+    let folder = folder.unwrap_or(Path::new("."));
+    let mut besides = Inbox::new(folder).map_err(|error| {
         Failure::usage(format_args!("no folder for {}: {error}", out.display()))
     })?;
     let wait = arguments.wait.map(|seconds| Duration::from_secs(u64::from(seconds)));
@@ -44,7 +47,7 @@ pub(crate) fn receive(
     let bar = Bar::new(None, screen);
     let received = transfer::receive(
         &mut station,
-        &mut partial.file,
+        &mut partial,
         Some(&mut besides),
         wait,
         &stop,
@@ -54,7 +57,7 @@ pub(crate) fn receive(
     let report = match received {
         Ok(report) => report,
         Err(error) => {
-            let failure = transfer_failure(error);
+            let failure = transfer_failure_at(error, Some(out), Some(folder));
             return Err(match partial.keep() {
                 Some(kept) => failure.hint(format_args!("what came is in {}", kept.display())),
                 None => failure,

@@ -18,7 +18,9 @@ use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::{Partial, no_folder};
 use crate::live::progress::Bar;
-use crate::live::{kept_documents, note_documents, say_kept, say_notes, station, transfer_failure};
+use crate::live::{
+    kept_documents, note_documents, say_kept, say_notes, station, transfer_failure_at,
+};
 use crate::numbers;
 use crate::plugin::SEND;
 use crate::screen::Screen;
@@ -57,7 +59,8 @@ pub(crate) fn send(
         Ok(report) => report,
         Err(error) => {
             answer.keep(screen);
-            return Err(transfer_failure(error));
+            let (out, keep) = (arguments.out.as_deref(), arguments.keep.as_deref());
+            return Err(transfer_failure_at(error, out, keep));
         }
     };
     say_notes(&report.notes, plugin.manifest(), screen);
@@ -184,13 +187,16 @@ impl Answer {
 impl Write for Answer {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self {
-            Self::File(partial) => partial.file.write(bytes),
+            Self::File(partial) => partial.write(bytes),
             Self::Shown(shown) => shown.write(bytes),
         }
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        Ok(())
+        match self {
+            Self::File(partial) => partial.flush(),
+            Self::Shown(_) => Ok(()),
+        }
     }
 }
 

@@ -8,8 +8,10 @@ use std::io;
 use super::{
     Delivered, JobReport, News, Program, Reply, Request, ServeEnd, ServeHandler, ServeReport,
 };
-use crate::station::Station;
-use crate::transfer::{PATIENCE, SendOutcome, TransferError, duration, note};
+use crate::station::{Brake, Station};
+use crate::transfer::{
+    PATIENCE, SendOutcome, TransferError, duration, is_unacknowledged, note, tell_the_partner,
+};
 
 /// A program under way.
 struct ActiveJob {
@@ -50,6 +52,7 @@ pub(super) struct ServeHost<'d, D> {
     moved_at: Micros,
     drained: u32,
     error: Option<io::Error>,
+    brake: Brake,
     state: String,
     complete: u64,
     failed: u64,
@@ -59,7 +62,7 @@ pub(super) struct ServeHost<'d, D> {
 }
 
 impl<'d, D: ServeHandler> ServeHost<'d, D> {
-    pub(super) fn new(handler: &'d mut D) -> Self {
+    pub(super) fn new(handler: &'d mut D, brake: Brake) -> Self {
         Self {
             handler,
             requests: VecDeque::new(),
@@ -71,6 +74,7 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
             moved_at: Micros::ZERO,
             drained: 0,
             error: None,
+            brake,
             state: String::new(),
             complete: 0,
             failed: 0,
@@ -244,12 +248,17 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
     ) -> Result<(), TransferError<I::Fault>> {
         self.next = None;
         self.requests.clear();
+        if self.has_failed() && self.delivery.is_some() {
+            // The abort is told, and nothing of what was said before it.
+            station.drop_unsent();
+        }
         if let Some(job) = &self.job {
             let id = job.id;
             station.abort(id, self)?;
         }
         if self.delivery.is_some() {
             station.abort(JobId::NONE, self)?;
+            tell_the_partner(station, self)?;
         }
         station.close(PATIENCE, self)?;
         self.conclude(station.now());
@@ -279,8 +288,8 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
 
 // A new action has to be decided on here.
 #[deny(clippy::wildcard_enum_match_arm)]
-impl<D: ServeHandler> LinkHost for ServeHost<'_, D> {
-    fn handle(&mut self, now: Micros, action: &Action<'_>) {
+impl<D: ServeHandler> ServeHost<'_, D> {
+    fn take(&mut self, now: Micros, action: &Action<'_>) {
         match action {
             Action::DeliveryBegin { .. } => {
                 self.moved_at = now;
@@ -290,13 +299,15 @@ impl<D: ServeHandler> LinkHost for ServeHost<'_, D> {
             }
             Action::Deliver { bytes, .. } => {
                 self.moved_at = now;
-                self.drained += bytes.len() as u32;
                 if let Some(delivery) = &mut self.delivery {
                     delivery.bytes += bytes.len() as u64;
                 }
                 if self.error.is_none() {
                     let put = self.handler.deliver(bytes);
                     self.try_handler(put);
+                }
+                if self.error.is_none() {
+                    self.drained += bytes.len() as u32;
                 }
             }
             Action::DeliveryName { name, .. } => {
@@ -343,6 +354,16 @@ impl<D: ServeHandler> LinkHost for ServeHost<'_, D> {
             | Action::Break { .. }
             | Action::Want { .. }
             | Action::Saved { .. } => {}
+        }
+    }
+}
+
+impl<D: ServeHandler> LinkHost for ServeHost<'_, D> {
+    fn handle(&mut self, now: Micros, action: &Action<'_>) {
+        let had_failed = self.has_failed();
+        self.take(now, action);
+        if is_unacknowledged(action, had_failed, self.has_failed()) {
+            self.brake.pull();
         }
     }
 

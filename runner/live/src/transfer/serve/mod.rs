@@ -62,6 +62,9 @@ pub struct ServeReport {
 /// (the operator has chosen again before the machine started to read); otherwise it is
 /// refused as busy.
 ///
+/// Where the handler fails, serving ends, and what the plug-in said behind that does not leave:
+/// nothing is acknowledged that is nowhere.
+///
 /// # Errors
 /// The port, the plug-in or the handler failed.
 pub fn serve<I: Instance>(
@@ -71,7 +74,7 @@ pub fn serve<I: Instance>(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<ServeReport, TransferError<I::Fault>> {
-    let mut host = ServeHost::new(handler);
+    let mut host = ServeHost::new(handler, station.brake());
     station.open(&mut host)?;
     let end = loop {
         let now = station.now();
