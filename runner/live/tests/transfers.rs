@@ -3,7 +3,7 @@
 #![cfg(target_os = "linux")]
 
 use std::fs::File;
-use std::io::{Cursor, Read, Write};
+use std::io::{self, Cursor, Read, Write};
 use std::os::fd::AsFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,21 +15,33 @@ use softplug_abi::manifest::Manifest;
 use softplug_abi::{Failure, LineParameters};
 use softplug_live::pty::PtyPair;
 use softplug_live::station::{Station, StationOptions};
-use softplug_live::transfer::{ReceiveOutcome, SendOptions, SendOutcome, receive, send};
+use softplug_live::store::{Inbox, Mark};
+use softplug_live::transfer::{
+    Delivered, News, ReceiveOutcome, Reply, Request, SendOptions, SendOutcome, ServeEnd,
+    ServeHandler, ServeOptions, receive, send, serve,
+};
 use softplug_live::{Port, PortOptions, PortSpec};
 use softplug_native::{NativeInstance, NativePlugin};
 
 /// A station on the slave of a pty, and the master.
 fn pair(baud: u32, asked: &[(&str, &str)]) -> (Station<NativeInstance>, PtyPair) {
+    pair_with(NativePlugin::XonXoff, baud, asked)
+}
+
+fn pair_with(
+    plugin: NativePlugin,
+    baud: u32,
+    asked: &[(&str, &str)],
+) -> (Station<NativeInstance>, PtyPair) {
     let mut pair = PtyPair::open().unwrap();
     let spec = PortSpec::Device(pair.slave_path().to_owned());
     let port = Port::open(&spec, &PortOptions::new(LineParameters::new(baud))).unwrap();
     // From now on only the port holds the slave.
     pair.release_slave();
-    let manifest = Manifest::parse(NativePlugin::XonXoff.manifest().as_bytes()).unwrap();
+    let manifest = Manifest::parse(plugin.manifest().as_bytes()).unwrap();
     let settings = manifest.resolve_settings(asked.iter().copied()).unwrap();
     let options = StationOptions { settings, ..StationOptions::default() };
-    (Station::new(port, NativePlugin::XonXoff.instantiate(), options).unwrap(), pair)
+    (Station::new(port, plugin.instantiate(), options).unwrap(), pair)
 }
 
 /// Stops a transfer that hangs, so that the test fails instead.
@@ -94,6 +106,62 @@ fn a_wait_for_nothing_ends() {
         receive(&mut station, &mut Vec::new(), None, give_up, &watchdog(), &mut |_| {}).unwrap();
     assert_eq!(report.outcome, ReceiveOutcome::NothingCame);
     assert_eq!(report.bytes, 0);
+}
+
+/// A machine that sends what begins no program for longer than the wait, and then one.
+fn late_program(pair: PtyPair) -> thread::JoinHandle<PtyPair> {
+    let mut master = File::from(pair.master().as_fd().try_clone_to_owned().unwrap());
+    thread::spawn(move || {
+        for _ in 0..60 {
+            master.write_all(b"\0").unwrap();
+            pause(50);
+        }
+        master.write_all(b"\x12%\nO1\n%\n\x14").unwrap();
+        pair
+    })
+}
+
+#[test]
+fn the_wait_begins_anew_with_each_character() {
+    let give_up = Some(Duration::from_secs(2));
+    let (mut station, pair) = pair_with(NativePlugin::FanucRs232, 115_200, &[]);
+    let far = late_program(pair);
+    let mut out = Vec::new();
+    let report = receive(&mut station, &mut out, None, give_up, &watchdog(), &mut |_| {}).unwrap();
+    assert_eq!((report.outcome, &out[..]), (ReceiveOutcome::Complete, &b"%\nO1\n%\n"[..]));
+    drop(far.join().unwrap());
+
+    let folder = tempfile::tempdir().unwrap();
+    let (mut station, pair) = pair_with(NativePlugin::FanucRs232, 115_200, &[]);
+    let far = late_program(pair);
+    let mut served = Folder(Inbox::new(folder.path()).unwrap());
+    let options = ServeOptions { give_up_after: give_up, deliveries: Some(1) };
+    let report = serve(&mut station, &mut served, &options, &watchdog(), &mut |_| {}).unwrap();
+    assert_eq!((report.end, report.complete), (ServeEnd::Enough, 1));
+    drop(far.join().unwrap());
+}
+
+/// All that comes goes into a folder.
+struct Folder(Inbox);
+
+impl ServeHandler for Folder {
+    fn begin(&mut self) -> io::Result<()> {
+        self.0.begin()
+    }
+
+    fn deliver(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.write(bytes)
+    }
+
+    fn end(&mut self, _: &Delivered) -> io::Result<()> {
+        self.0.end(None, Mark::Complete).map(drop)
+    }
+
+    fn asked(&mut self, _: &Request) -> Reply {
+        Reply::Refused(Failure::NotFound)
+    }
+
+    fn tell(&mut self, _: &News<'_>) {}
 }
 
 #[test]

@@ -147,6 +147,27 @@ fn is_unacknowledged(action: &Action<'_>, had_failed: bool, has_failed: bool) ->
     has_failed && (claims || !had_failed)
 }
 
+/// Time without a character from the port.
+struct Quiet {
+    heard: u64,
+    since: Micros,
+}
+
+impl Quiet {
+    fn new(now: Micros) -> Self {
+        Self { heard: 0, since: now }
+    }
+
+    /// Since when nothing has come.
+    fn since<I: Instance>(&mut self, station: &Station<I>) -> Micros {
+        let heard = station.counters().bytes_in;
+        if std::mem::replace(&mut self.heard, heard) != heard {
+            self.since = station.now();
+        }
+        self.since
+    }
+}
+
 fn duration(span: Micros) -> Duration {
     Duration::from_micros(span.0.max(0) as u64)
 }

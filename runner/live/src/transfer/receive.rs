@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::unasked::{Reception, Unasked};
 use super::{
-    Note, PATIENCE, Progress, TICK, TransferError, duration, is_unacknowledged, note,
+    Note, PATIENCE, Progress, Quiet, TICK, TransferError, duration, is_unacknowledged, note,
     refuse_all, take_the_rest, tell_the_partner,
 };
 use crate::station::{Brake, Station, Turn};
@@ -65,6 +65,8 @@ pub struct ReceiveReport {
 /// flushing fails, what the plug-in said behind that does not leave: nothing is acknowledged that is
 /// nowhere.
 ///
+/// With `give_up_after` it ends when no character has come for so long and nothing has begun.
+///
 /// # Errors
 /// The port, the plug-in, the sink or `besides` failed.
 pub fn receive<I: Instance>(
@@ -77,10 +79,7 @@ pub fn receive<I: Instance>(
 ) -> Result<ReceiveReport, TransferError<I::Fault>> {
     let mut catch = Catch::new(out, unasked, station.brake());
     station.open(&mut catch)?;
-    let begin = station.now();
-    let give_up_at = give_up_after.map_or(Micros::MAX, |span| {
-        begin + Micros(i64::try_from(span.as_micros()).unwrap_or(i64::MAX))
-    });
+    let mut quiet = Quiet::new(station.now());
     while catch.outcome.is_none() {
         let now = station.now();
         if stop.load(Ordering::Relaxed) || catch.error.is_some() {
@@ -96,6 +95,10 @@ pub fn receive<I: Instance>(
             catch.outcome.get_or_insert(ReceiveOutcome::Aborted);
             break;
         }
+        let since = quiet.since(station);
+        let give_up_at = give_up_after.map_or(Micros::MAX, |span| {
+            since + Micros(i64::try_from(span.as_micros()).unwrap_or(i64::MAX))
+        });
         if catch.first_at.is_none() && now >= give_up_at {
             catch.outcome = Some(ReceiveOutcome::NothingCame);
             break;

@@ -11,13 +11,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use self::host::ServeHost;
-use super::{Progress, TICK, TransferError, duration};
+use super::{Progress, Quiet, TICK, TransferError, duration};
 use crate::station::{Station, Turn};
 
 /// When to stop serving.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 pub struct ServeOptions {
-    /// When nothing has happened for so long, and nothing is under way.
+    /// When nothing has happened for so long, no character came, and nothing is under way.
     pub give_up_after: Option<Duration>,
     /// After so many deliveries.
     pub deliveries: Option<u64>,
@@ -76,6 +76,7 @@ pub fn serve<I: Instance>(
 ) -> Result<ServeReport, TransferError<I::Fault>> {
     let mut host = ServeHost::new(handler, station.brake());
     station.open(&mut host)?;
+    let mut silence = Quiet::new(station.now());
     let end = loop {
         let now = station.now();
         if stop.load(Ordering::Relaxed) || host.has_failed() {
@@ -84,7 +85,7 @@ pub fn serve<I: Instance>(
         if options.deliveries.is_some_and(|most| host.deliveries() >= most) {
             break ServeEnd::Enough;
         }
-        let quiet = duration(now - host.moved_at());
+        let quiet = duration(now - host.moved_at().max(silence.since(station)));
         if host.is_idle() && options.give_up_after.is_some_and(|most| quiet >= most) {
             break ServeEnd::Idle;
         }
