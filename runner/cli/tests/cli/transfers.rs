@@ -182,6 +182,22 @@ fn ctrl_c_keeps_what_was_received() {
 }
 
 #[test]
+fn ctrl_c_in_the_middle_of_a_delivery_into_a_folder_ends_as_into_a_file() {
+    let bench = Bench::new();
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--dir", "."];
+    let child = bench.command(&[&receive[..], &["--json"]].concat()).spawn().unwrap();
+    pty.write(b"G1X1\n").unwrap();
+    let partial = bench.path("delivery.partial");
+    wait_for("the data", || std::fs::read(&partial).is_ok_and(|bytes| bytes.len() == 5));
+    interrupt(&child);
+    let ran = ended(child).with_code(5);
+    let end = lines(&ran).pop().unwrap();
+    assert_eq!((&end["result"], &end["failed"]), (&"aborted".into(), &1.into()), "{ran}");
+    assert_eq!(bench.read("000001.failed"), b"G1X1\n");
+}
+
+#[test]
 fn ctrl_c_before_anything_came_leaves_nothing() {
     let bench = Bench::new();
     let pty = PtyPair::open().unwrap();

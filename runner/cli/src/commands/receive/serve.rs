@@ -127,7 +127,7 @@ fn verdict(
     count: Option<u64>,
     manifest: &Manifest,
 ) -> (Exit, &'static str, Option<String>) {
-    let has_failures = report.failed > 0 || report.not_sent > 0;
+    let has_failures = report.failed + report.not_sent > report.aborted;
     let came = report.complete + report.failed;
     match (report.end, count) {
         (ServeEnd::Gone, _) => (Exit::Port, "gone", Some("the port is gone".to_owned())),
@@ -140,6 +140,7 @@ fn verdict(
             let message = format!("only {came} of the {all} that were asked for came");
             (Exit::Incomplete, "incomplete", Some(message))
         }
+        _ if report.aborted > 0 => (Exit::Incomplete, "aborted", None),
         _ => (Exit::Done, "done", None),
     }
 }
@@ -165,9 +166,9 @@ struct Counter<'a> {
     notations: Notations,
     /// The beginning of what comes.
     head: Vec<u8>,
-    manifest: &'a Manifest,
     /// Why the delivery under way is not written.
     unwritten: Option<String>,
+    manifest: &'a Manifest,
     bar: &'a Bar<'a>,
     screen: &'a Screen,
 }
@@ -222,7 +223,6 @@ impl Counter<'_> {
         found.pop().ok_or(Why::NotFound)
     }
 
-    fn say(&self, text: impl std::fmt::Display) {
     /// Remembers why something was not written.
     fn written(&mut self, written: io::Result<()>) -> io::Result<()> {
         if let Err(error) = &written {
@@ -231,6 +231,7 @@ impl Counter<'_> {
         written
     }
 
+    fn say(&self, text: impl std::fmt::Display) {
         self.bar.aside(|| self.screen.say(text));
     }
 
@@ -314,10 +315,10 @@ impl ServeHandler for Counter<'_> {
     }
 
     fn end(&mut self, delivered: &Delivered) -> io::Result<()> {
-        let mark = if delivered.failure.is_none() { Mark::Complete } else { Mark::Failed };
         // The plug-in is not to blame for a disk that is full.
         let unwritten = self.unwritten.take();
         let failure = delivered.failure.filter(|_| unwritten.is_none());
+        let mark = if delivered.failure.is_none() { Mark::Complete } else { Mark::Failed };
         let said = delivered.name.clone().or_else(|| self.notations.name_in(&self.head));
         let name = said.as_deref();
         let kept = self.inbox.end(name, mark)?;

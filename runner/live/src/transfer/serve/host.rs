@@ -53,9 +53,12 @@ pub(super) struct ServeHost<'d, D> {
     drained: u32,
     error: Option<io::Error>,
     brake: Brake,
+    /// What is under way is aborted.
+    is_winding_up: bool,
     state: String,
     complete: u64,
     failed: u64,
+    aborted: u64,
     sent: u64,
     not_sent: u64,
     refused: u64,
@@ -75,9 +78,11 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
             drained: 0,
             error: None,
             brake,
+            is_winding_up: false,
             state: String::new(),
             complete: 0,
             failed: 0,
+            aborted: 0,
             sent: 0,
             not_sent: 0,
             refused: 0,
@@ -120,10 +125,12 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
     }
 
     pub(super) fn report(self, end: ServeEnd, heard: u64) -> io::Result<ServeReport> {
-        let Self { error, complete, failed, sent, not_sent, refused, .. } = self;
+        let Self { error, complete, failed, aborted, sent, not_sent, refused, .. } = self;
         match error {
             Some(error) => Err(error),
-            None => Ok(ServeReport { end, complete, failed, sent, not_sent, refused, heard }),
+            None => {
+                Ok(ServeReport { end, complete, failed, aborted, sent, not_sent, refused, heard })
+            }
         }
     }
 
@@ -228,7 +235,11 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
         match outcome {
             SendOutcome::Done => self.sent += 1,
             _ if job.is_superseded => {}
-            _ => self.not_sent += 1,
+            outcome => {
+                self.not_sent += 1;
+                let is_ours = self.is_winding_up && outcome == SendOutcome::Aborted;
+                self.aborted += u64::from(is_ours);
+            }
         }
         let elapsed = duration(now - job.begun_at);
         self.handler.tell(&News::JobEnds(JobReport {
@@ -248,6 +259,7 @@ impl<'d, D: ServeHandler> ServeHost<'d, D> {
     ) -> Result<(), TransferError<I::Fault>> {
         self.next = None;
         self.requests.clear();
+        self.is_winding_up = true;
         if self.has_failed() && self.delivery.is_some() {
             // The abort is told, and nothing of what was said before it.
             station.drop_unsent();
@@ -327,6 +339,8 @@ impl<D: ServeHandler> ServeHost<'_, D> {
                 let elapsed = duration(now - delivery.begun_at);
                 let counted = if failure.is_none() { &mut self.complete } else { &mut self.failed };
                 *counted += 1;
+                let is_ours = failure.is_some_and(|(failure, _)| failure == Failure::Aborted);
+                self.aborted += u64::from(is_ours && self.is_winding_up);
                 let ended = self.handler.end(&Delivered { name: delivery.name, failure, elapsed });
                 self.try_handler(ended);
             }

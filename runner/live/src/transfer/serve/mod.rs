@@ -45,6 +45,8 @@ pub struct ServeReport {
     pub complete: u64,
     /// Failed ones.
     pub failed: u64,
+    /// Deliveries and programs that count as failed, or as not sent, only because serving ended.
+    pub aborted: u64,
     /// Programs that were asked for and sent as a whole.
     pub sent: u64,
     /// Programs that were not, although no other took their place.
