@@ -13,7 +13,8 @@ use crate::error::{Holder, PortError};
 use crate::poll::{Interest, Poller};
 use crate::port::holders::{group_name, holders, is_pty, is_terminal};
 use crate::port::{
-    Flow, Input, LineCounters, PortOptions, ReadOutcome, SettingDifference, TtyPort, line_text,
+    Flow, Input, LineCounters, Port, PortOptions, PortSpec, ReadOutcome, SettingDifference,
+    TtyPort, line_text,
 };
 use crate::ports::link;
 use crate::suggest::Sample;
@@ -28,7 +29,7 @@ const SLOW_LATENCY_MILLIS: u32 = 2;
 /// What was found about a port.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Report {
-    /// The path that was asked for.
+    /// The path that was asked for, or the device server as it was written.
     pub path: PathBuf,
     /// The device that it leads to, if it is a link.
     pub device: Option<PathBuf>,
@@ -91,6 +92,24 @@ impl Report {
         self.findings.iter().all(|finding| finding.severity != Severity::Problem)
     }
 
+    /// Of a port of which nothing is known yet.
+    fn of(path: &Path) -> Self {
+        Self {
+            path: path.to_owned(),
+            device: None,
+            by_path: None,
+            rights: None,
+            holders: Vec::new(),
+            driver: None,
+            latency_millis: None,
+            line_before: None,
+            modem_lines: None,
+            counters: None,
+            differences: Vec::new(),
+            findings: Vec::new(),
+        }
+    }
+
     fn add(&mut self, severity: Severity, text: impl Into<String>) {
         self.findings.push(Finding { severity, text: text.into() });
     }
@@ -105,18 +124,9 @@ impl fmt::Display for Report {
 /// Looks at a port, opening it for a moment if nobody has it.
 pub fn examine(path: &Path, options: &PortOptions) -> Report {
     let mut report = Report {
-        path: path.to_owned(),
         device: path.canonicalize().ok().filter(|device| device != path),
         by_path: link(Path::new("/dev/serial/by-path"), path),
-        rights: None,
-        holders: Vec::new(),
-        driver: None,
-        latency_millis: None,
-        line_before: None,
-        modem_lines: None,
-        counters: None,
-        differences: Vec::new(),
-        findings: Vec::new(),
+        ..Report::of(path)
     };
     let metadata = match fs::metadata(path) {
         Ok(metadata) if metadata.file_type().is_char_device() && is_terminal(&metadata) => metadata,
@@ -136,6 +146,42 @@ pub fn examine(path: &Path, options: &PortOptions) -> Report {
     if report.holders.is_empty() || is_pty(&metadata) {
         look_inside(&mut report, options);
     }
+    report
+}
+
+/// Looks at a device server, connecting to it for a moment; at most for the time-out of `options`
+/// once the name is known. What only a port of this computer has is left out.
+pub fn examine_server(spec: &PortSpec, options: &PortOptions) -> Report {
+    let mut report = Report::of(&PathBuf::from(spec.to_string()));
+    let port = match Port::open(spec, options) {
+        Ok(port) => port,
+        Err(error) => {
+            report.differences = error.differences().to_vec();
+            report.add(Severity::Problem, error.to_string());
+            return report;
+        }
+    };
+    if let Port::Rfc2217(server) = &port {
+        let name = server.signature().map(|name| format!(" and calls itself {name}"));
+        let text = format!("a device server answers, speaks RFC 2217{}", name.unwrap_or_default());
+        report.add(Severity::Good, text);
+        report.modem_lines = port.modem_lines();
+        report.add(Severity::Good, lines_text(report.modem_lines));
+        if let Some(text) = stopped_text(options.flow, report.modem_lines) {
+            report.add(Severity::Problem, text);
+        }
+        report.differences = port.differences().to_vec();
+        for difference in report.differences.clone() {
+            report.add(Severity::Note, difference.to_string());
+        }
+    } else {
+        let text = "it takes connections; a raw port says nothing of itself, of its settings or of \
+                    what is behind it";
+        report.add(Severity::Good, text);
+    }
+    let text = "driver, rights, latency timer and who else has it are known only of a port of this \
+                computer: look for them at the device server";
+    report.add(Severity::Note, text);
     report
 }
 

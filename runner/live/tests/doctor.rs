@@ -1,17 +1,22 @@
 //! The doctor over real ptys.
 #![cfg(target_os = "linux")]
 
+use std::net::TcpListener;
 use std::path::Path;
 use std::time::Duration;
 
 use softplug_abi::{LineParameters, Parity};
 use softplug_live::clock::Clock;
-use softplug_live::doctor::{COMMON_BAUDS, Severity, examine, listen};
+use softplug_live::device_server::DeviceServer;
+use softplug_live::doctor::{COMMON_BAUDS, Severity, examine, examine_server, listen};
 use softplug_live::poll::Poller;
 use softplug_live::port::{TtyPort, line_text, parse_line};
 use softplug_live::pty::PtyPair;
 use softplug_live::suggest::suggest;
-use softplug_live::{PortError, PortOptions};
+use softplug_live::{PortError, PortOptions, PortSpec};
+
+use crate::net::machine::Machine;
+use crate::net::port::rfc2217;
 
 const PROGRAM: &[u8] = b"%\r\nO0001\r\nN10 G0 X10. Y-20.5\r\nN20 G1 Z-1.5 F200\r\nN30 M30\r\n%\r\n";
 
@@ -56,6 +61,27 @@ fn what_is_no_port_is_a_problem() {
     }
     let report = examine(Path::new("/dev/ttyNONE"), &PortOptions::default());
     assert!(report.to_string().starts_with("problem: there is no /dev/ttyNONE; "), "{report}");
+}
+
+#[test]
+fn a_device_server_is_connected_to() {
+    let options = PortOptions::default();
+    let server = DeviceServer::start("127.0.0.1:0".parse().unwrap(), Machine::default()).unwrap();
+    let report = examine_server(&rfc2217(server.address()), &options);
+    assert!(report.is_usable(), "{report}");
+    let said = "ok: a device server answers, speaks RFC 2217 ";
+    assert!(report.to_string().starts_with(said), "{report}");
+
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let raw = PortSpec::Tcp { host: "127.0.0.1".into(), port };
+    let report = examine_server(&raw, &options);
+    assert!(report.is_usable(), "{report}");
+    assert!(report.to_string().starts_with("ok: it takes connections; "), "{report}");
+    drop(listener);
+    let report = examine_server(&raw, &options);
+    assert!(!report.is_usable(), "{report}");
+    assert!(report.to_string().starts_with("problem: no connection to 127.0.0.1:"), "{report}");
 }
 
 #[test]

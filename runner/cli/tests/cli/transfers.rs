@@ -309,6 +309,22 @@ fn the_doctor_hears_what_comes() {
 }
 
 #[test]
+fn the_doctor_says_whether_a_device_server_answers() {
+    let bench = Bench::new();
+    let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp://{}", server.local_addr().unwrap());
+    let json = bench.run(&["doctor", &port, "--json"]).with_code(0).json();
+    assert_eq!((&json["usable"], &json["port"]), (&true.into(), &(&*port).into()), "{json}");
+    let ran = bench.run(&["doctor", &port, "--listen", "1"]).with_code(2);
+    assert!(ran.err.contains("at a port of this computer only"), "{ran}");
+    drop(server);
+    let ran = bench.run(&["doctor", &port]).with_code(6);
+    assert!(ran.out.starts_with("problem: no connection to 127.0.0.1:"), "{ran}");
+    let ran = bench.run(&["doctor", "unit://127.0.0.1:7640/lathe"]).with_code(2);
+    assert!(ran.err.contains("names no port"), "{ran}");
+}
+
+#[test]
 fn the_doctor_does_not_name_itself() {
     let bench = Bench::new();
     let pty = PtyPair::open().unwrap();

@@ -13,16 +13,19 @@ use clap::Args;
 use crate::line::FlowBy;
 
 /// Examines a serial port: rights, who has it, driver, latency, modem lines, and what is heard.
+///
+/// A device server is connected to; of one that speaks RFC 2217 its settings and modem lines are told.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug doctor /dev/ttyUSB0
   softplug doctor /dev/ttyUSB0 --listen 3     let the machine send meanwhile
   softplug doctor /dev/ttyUSB0 --flow rts-cts
   softplug doctor /dev/ttyUSB0 --listen 5 --baud 4800 --baud 9600
+  softplug doctor rfc2217://10.0.0.7:4001
 
 Ends with 6 if the port cannot be used.")]
 pub(crate) struct Arguments {
-    /// The port, such as /dev/ttyUSB0
+    /// The port: /dev/ttyUSB0, tcp://HOST:PORT or rfc2217://HOST:PORT
     #[arg(value_name = "PORT")]
     pub(crate) port: PathBuf,
     /// Listen for so many seconds at each baud rate, and say which rate and parity it sounds like

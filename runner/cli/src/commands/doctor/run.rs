@@ -1,17 +1,18 @@
 //! `softplug doctor`.
 
+use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::Duration;
 
 use serde::Serialize;
 use softplug_abi::LineParameters;
-use softplug_live::PortOptions;
 use softplug_live::clock::Clock;
 use softplug_live::doctor::{self, COMMON_BAUDS, Report, Severity};
 use softplug_live::poll::Poller;
 use softplug_live::port::{TtyPort, line_text};
 use softplug_live::suggest::{Suggestion, suggest};
+use softplug_live::{BadSpec, PortOptions, PortSpec};
 
 use super::Arguments;
 use crate::commands::ports::HolderEntry;
@@ -60,7 +61,15 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let baud = arguments.baud.first().copied().unwrap_or(COMMON_BAUDS[0]);
     let flow = arguments.flow.flow();
     let options = PortOptions { flow, ..PortOptions::new(LineParameters::new(baud)) };
-    let report = doctor::examine(&arguments.port, &options);
+    let server = server(&arguments.port)?;
+    if server.is_some() && arguments.listen.is_some() {
+        return Err(Failure::usage("--listen tries rates at a port of this computer only")
+            .hint("leave it out, or run it on the computer that has the port"));
+    }
+    let report = match &server {
+        Some(spec) => doctor::examine_server(spec, &options),
+        None => doctor::examine(&arguments.port, &options),
+    };
     for finding in &report.findings {
         let (style, mark) = match finding.severity {
             Severity::Good => (GOOD, "ok"),
@@ -75,6 +84,20 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     };
     screen.document(&document(&report, heard.as_deref()));
     Ok(if report.is_usable() { Exit::Done } else { Exit::Port })
+}
+
+/// The device server, if it is one. A path that is no form of a port is examined as a path, which
+/// says what is wrong with it.
+fn server(port: &Path) -> Result<Option<PortSpec>, Failure> {
+    let text = port.to_string_lossy();
+    match text.parse::<PortSpec>() {
+        Ok(PortSpec::Device(_)) => Ok(None),
+        Err(BadSpec::Form(_)) if !text.contains("://") => Ok(None),
+        Ok(PortSpec::Pty) => Err(Failure::usage("pty: makes a new pty, which nothing can ail")
+            .hint("give a port that is there, such as /dev/ttyUSB0")),
+        Ok(server @ (PortSpec::Tcp { .. } | PortSpec::Rfc2217 { .. })) => Ok(Some(server)),
+        Err(error) => Err(error.into()),
+    }
 }
 
 fn listen(
