@@ -4,6 +4,7 @@
 use crate::common::native;
 use softplug_abi::{Action, ActionWriter, Actions, Event, Instance, Micros, Output};
 use softplug_conformance::{Class, Corpus, FromFn, Judge, SessionGroup, Sessions};
+use softplug_models::Session;
 use softplug_native::{NativeInstance, NativePlugin};
 use softplug_trace::Trace;
 
@@ -26,6 +27,26 @@ fn reference_plug_ins_hold_to_their_models() {
                 assert!(run.runs > 0 && run.effects > 0, "{} has run nothing", group.id);
             }
         }
+    }
+}
+
+/// Sessions in which a model asked for more than its page says: profile, seed and number.
+const LEFT_OPEN: [(&str, u64, u64); 1] = [
+    // An ACK that comes with the one behind which a byte cannot be sent, on a line with seven bits.
+    ("kermit", 2, 1_506),
+];
+
+#[test]
+fn what_a_page_leaves_open_is_not_judged() {
+    for (name, seed, number) in LEFT_OPEN {
+        let plugin = NativePlugin::ALL.iter().find(|plugin| plugin.name() == name);
+        let plugin = plugin.expect("the profile has the plug-in's name");
+        let profile = softplug_models::profile(name).expect("it has a model");
+        let subject = native(name);
+        let session = Session::draw(profile, subject.manifest(), seed, number);
+        let session = session.expect("its settings fit");
+        let ran = session.run(subject.manifest(), &mut || Ok(plugin.instantiate()));
+        assert_eq!(ran.finding, None, "{name}, session {number} of seed {seed}");
     }
 }
 

@@ -189,6 +189,9 @@ struct Kermit {
     is_down: bool,
     /// A packet has filled the room at this instant: what comes with it may be passed over.
     full_at: Option<Micros>,
+    /// A byte of the job cannot be sent, at this instant. Whether that is known before or behind a
+    /// packet that comes with the ACK is the host's matter, which gives the data.
+    narrow_at: Option<Micros>,
     /// Deliveries since the link was opened.
     deliveries: u32,
     /// The id of the latest job.
@@ -208,6 +211,7 @@ impl Model for Kermit {
             LineInput::Bytes(bytes) => {
                 for byte in bytes {
                     self.is_blind |= self.full_at == Some(at);
+                    self.is_blind |= *byte == SOH && self.narrow_at == Some(at);
                     self.character(*byte);
                 }
             }
@@ -304,6 +308,7 @@ impl Kermit {
             is_open: false,
             is_down: false,
             full_at: None,
+            narrow_at: None,
             deliveries: 0,
             jobs: 0,
             is_blind: false,

@@ -112,6 +112,7 @@ impl Kermit {
                 // It is looked at where the packet may have room for it.
                 let looked_at = rest.len().min(sending.length + 1);
                 if self.rules.is_narrow() && rest[..looked_at].iter().any(cannot) {
+                    self.narrow_at = Some(self.now);
                     return self.fails(Failure::UnsupportedCharacter, "kermit.tx.narrow");
                 }
                 if rest.is_empty() {
