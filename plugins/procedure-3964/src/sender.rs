@@ -369,6 +369,8 @@ impl Machine {
     pub(crate) fn end_block(&mut self, link: &mut Context<'_>, cause: Cause) {
         self.idle();
         match self.owner {
+            // One that came behind an abort of this one's job waits.
+            Owner::Job if self.job.stage != Stage::Begun => {}
             Owner::Job => self.fail_job(link, cause),
             Owner::Reaction => self.rk512.reaction_ended(),
         }

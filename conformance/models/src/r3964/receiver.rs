@@ -246,7 +246,10 @@ impl Station {
             if let Some(reception) = &mut self.reception {
                 reception.error = None;
             }
-            self.fail_job(fault);
+            // A job that came behind an abort of this one never gave way: it waits.
+            if self.job.as_ref().is_some_and(|job| job.gave_way) {
+                self.fail_job(fault);
+            }
             self.end_failed(fault);
         } else {
             self.end_failed((Failure::NoAnswer, 0x0806, Rule::Zvz));
