@@ -50,6 +50,17 @@ impl Dev {
         })
     }
 
+    /// Waits until it has said this for people.
+    fn says(&mut self, text: &str) {
+        let mut said = String::new();
+        let err = self.child.stderr.as_mut().unwrap();
+        while !said.contains(text) {
+            let mut byte = [0];
+            err.read_exact(&mut byte).unwrap();
+            said.push(char::from(byte[0]));
+        }
+    }
+
     /// Ctrl-C, and the end.
     fn end(mut self) {
         kill_process(Pid::from_child(&self.child), Signal::INT).unwrap();
@@ -195,6 +206,12 @@ mod needs_clang {
             "    sp_panic(\"here\");\n    s.transmitted",
         );
         assert_eq!(dev.round()["result"], "diverged");
+        // What cannot be kept is not acknowledged.
+        std::fs::remove_dir_all(bench.path("kit-port/kept")).unwrap();
+        pty.write(b"M31\n").unwrap();
+        dev.says("what comes is not kept: ");
         dev.end();
+        let mut rest = [0; 16];
+        assert_eq!(pty.read(&mut rest).unwrap(), ReadOutcome::Empty, "{rest:x?}");
     }
 }

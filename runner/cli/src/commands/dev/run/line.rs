@@ -5,7 +5,7 @@ use std::sync::mpsc::Receiver;
 
 use softplug_abi::{Action, JobId, Micros};
 use softplug_link::{Job, LinkHost, Successor, Supply, SwapError};
-use softplug_live::station::{Station, StationError, StationOptions, Turn};
+use softplug_live::station::{Brake, Station, StationError, StationOptions, Turn};
 use softplug_live::store::{Inbox, Mark};
 use softplug_live::{PortOptions, PortSpec};
 use softplug_trial::reason;
@@ -53,6 +53,7 @@ impl<'a> Line<'a> {
             name: None,
             bytes: 0,
             drained: 0,
+            brake: None,
         };
         Self { port, arguments, screen, host, station: None, next_job: JobId(1) }
     }
@@ -130,6 +131,7 @@ impl<'a> Line<'a> {
         let options = StationOptions { settings, ..StationOptions::default() };
         let mut station = Station::new(port, plugin.instantiate()?, options)?;
         self.host.plugin = Some(plugin.clone());
+        self.host.brake = Some(station.brake());
         station.open(&mut self.host).map_err(failure)?;
         self.station = Some(station);
         Ok("as new")
@@ -157,7 +159,17 @@ impl<'a> Line<'a> {
     fn turn(&mut self) {
         if let Some(station) = &mut self.station {
             let until = station.now() + TURN;
-            let turned = station.turn(until, &mut self.host);
+            let mut turned = station.turn(until, &mut self.host);
+            if turned.is_ok() && station.brake().is_pulled() {
+                // What was said behind what is not kept does not leave. A job has lost some of its
+                // bytes with that, and is aborted as a delivery is.
+                station.drop_unsent();
+                let job = station.link().job().unwrap_or(JobId::NONE);
+                turned = station
+                    .abort(job, &mut self.host)
+                    .and_then(|()| station.abort(JobId::NONE, &mut self.host))
+                    .map(|()| Turn::Live);
+            }
             self.look_at(turned);
         }
     }
@@ -199,6 +211,8 @@ struct DevHost<'a> {
     name: Option<String>,
     bytes: u64,
     drained: u32,
+    /// Pulled where something is not kept: it is not acknowledged either.
+    brake: Option<Brake>,
 }
 
 impl DevHost<'_> {
@@ -207,7 +221,11 @@ impl DevHost<'_> {
         match act(self.inbox.as_mut()?) {
             Ok(done) => Some(done),
             Err(error) => {
-                self.screen.error(format_args!("what comes is not kept: {error}"));
+                // With --json, too: no document tells it.
+                self.screen.note(format_args!("error: what comes is not kept: {error}"));
+                if let Some(brake) = &self.brake {
+                    brake.pull();
+                }
                 None
             }
         }
