@@ -339,6 +339,7 @@ impl ReservoirReader {
 impl Drop for ReservoirReader {
     fn drop(&mut self) {
         self.shared.reader_is_gone.store(true, Ordering::SeqCst);
+        // Also where the writer did not ask: what it wrote may be put away only now.
         self.shared.wake_writer_at.store(NEVER, Ordering::SeqCst);
         wake(&self.shared.writer_waker);
     }

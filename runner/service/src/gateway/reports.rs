@@ -2,7 +2,6 @@
 
 use softplug_live::SettingDifference;
 use softplug_live::reactor::{Alarm, EndpointNews, JobEnd, JobOutcome, LaneFault, LaneId, Report};
-
 use softplug_live::units::StoredDelivery;
 
 use super::Control;
