@@ -73,6 +73,19 @@ impl Bench {
         command
     }
 
+    /// The command where no file may have a byte, not started.
+    #[cfg(unix)]
+    pub(crate) fn without_room(&self, arguments: &[&str]) -> Command {
+        let asked = self.command(arguments);
+        let mut command = Command::new("sh");
+        let script = "trap '' XFSZ; ulimit -f 0; exec \"$0\" \"$@\"";
+        command.args(["-c", script]).arg(asked.get_program()).args(asked.get_args());
+        command.current_dir(self.folder.path());
+        command.envs(asked.get_envs().filter_map(|(name, value)| Some((name, value?))));
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
     /// Runs the command to its end.
     pub(crate) fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Ran {
         self.command(arguments).output().unwrap().into()

@@ -44,6 +44,8 @@ enum NotTaken {
     Settings(SettingError),
     #[error("it does not take its settings: {0}")]
     Refused(SessionFault),
+    #[error("it has ended by a fault: {0}")]
+    Ended(SessionFault),
     #[error(transparent)]
     NotKept(#[from] NotKept),
 }
@@ -107,7 +109,10 @@ impl Link {
             let values = plugin.manifest().resolve_settings(named).map_err(NotTaken::Settings)?;
             // Before anything is changed: neither what it refuses nor what cannot be kept runs.
             let mut tried = plugin.instantiate().map_err(NotTaken::Load)?;
-            tried.configure(&values, Micros::ZERO).map_err(NotTaken::Refused)?;
+            tried.configure(&values, Micros::ZERO).map_err(|fault| match fault.refusal() {
+                Some(_) => NotTaken::Refused(fault),
+                None => NotTaken::Ended(fault),
+            })?;
             let is_swap = matches!(purpose, Purpose::Swap { .. }) && self.lane.is_some();
             self.before = Some(self.settings());
             if !is_swap {
