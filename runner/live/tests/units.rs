@@ -334,12 +334,12 @@ fn a_delivery_that_is_said_again_is_kept_once() {
 #[test]
 fn a_delivery_that_the_gateway_before_has_stored_is_not_kept() {
     static STORED: AtomicU32 = AtomicU32::new(0);
+    static OTHER: AtomicU32 = AtomicU32::new(2);
     let stored = StoredDelivery { unit: 2, delivery: DeliveryId(1) };
     let answers: Answers = |message, outbox| says_again(message, outbox, &STORED);
     let played = Played::that_knows::<1024>(b"wasm", Some(stored), answers);
     assert_eq!(kept(&played), [(DeliveryId(2), "O77".to_owned())]);
     // Of another unit it says nothing: its numbers are others.
-    static OTHER: AtomicU32 = AtomicU32::new(2);
     let stored = StoredDelivery { unit: 3, delivery: DeliveryId(9) };
     let answers: Answers = |message, outbox| says_again(message, outbox, &OTHER);
     let played = Played::that_knows::<1024>(b"wasm", Some(stored), answers);

@@ -107,7 +107,7 @@ impl Gateway {
         {
             match report {
                 Report::DeliveryBegun { bytes, .. } => {
-                    self.deliveries.push((Some(bytes), Vec::new()))
+                    self.deliveries.push((Some(bytes), Vec::new()));
                 }
                 report => self.seen.push(report),
             }
