@@ -18,10 +18,10 @@ pub fn copy_at_one_moment(path: &Path, into: &mut File) -> io::Result<Option<u64
         into.set_len(0)?;
         into.rewind()?;
         let mut file = File::open(path)?;
-        let before = state(&file)?;
+        let before = FileState::of(&file)?;
         let size = io::copy(&mut file, into)?;
         // Of the path: it may lead to another file by now.
-        if state(&File::open(path)?)? == before && size == before.0 {
+        if FileState::of(&File::open(path)?)? == before && size == before.size {
             into.rewind()?;
             return Ok(Some(size));
         }
@@ -30,9 +30,34 @@ pub fn copy_at_one_moment(path: &Path, into: &mut File) -> io::Result<Option<u64
 }
 
 /// What changes when somebody writes to a file or puts another in its place.
-fn state(file: &File) -> io::Result<(u64, Option<SystemTime>, u64)> {
-    let metadata = file.metadata()?;
-    Ok((metadata.len(), metadata.modified().ok(), inode(&metadata)))
+///
+/// ```
+/// use softplug_live::store::FileState;
+///
+/// let file = tempfile::tempfile()?;
+/// let before = FileState::of(&file)?;
+/// file.set_len(3)?;
+/// assert_ne!(FileState::of(&file)?, before);
+/// # Ok::<(), std::io::Error>(())
+/// ```
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct FileState {
+    /// How many bytes it has.
+    pub size: u64,
+    modified: Option<SystemTime>,
+    inode: u64,
+}
+
+impl FileState {
+    /// As it is now.
+    ///
+    /// # Errors
+    /// The system does not say.
+    pub fn of(file: &File) -> io::Result<Self> {
+        let metadata = file.metadata()?;
+        let (size, modified) = (metadata.len(), metadata.modified().ok());
+        Ok(Self { size, modified, inode: inode(&metadata) })
+    }
 }
 
 #[cfg(unix)]

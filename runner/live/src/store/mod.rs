@@ -7,7 +7,7 @@ mod names;
 mod shelf;
 mod writers;
 
-pub use copying::copy_at_one_moment;
+pub use copying::{FileState, copy_at_one_moment};
 pub use inbox::{Inbox, Kept, Mark};
 pub use names::{numbered, safe_name};
 pub use shelf::Shelf;

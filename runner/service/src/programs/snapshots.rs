@@ -1,15 +1,15 @@
 //! Programs as they were when a job was given: what is sent does not change any more.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, TryLockError};
-use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 use softplug_catalogue::{HEAD_BYTES, Notations};
 use softplug_host::Digest;
+use softplug_live::store::FileState;
 
 use super::ProgramError;
 use crate::disk::{self, DiskError, Object, Objects};
@@ -65,11 +65,12 @@ impl Snapshots {
     pub fn take(&self, path: &Path, name: &str) -> Result<Data, ProgramError> {
         for _ in 0..ATTEMPTS {
             let mut file = disk::open(path).map_err(DiskError::when("read", path))?;
-            let before = state(&file, path)?;
+            let before = FileState::of(&file).map_err(DiskError::when("read", path))?;
             let object = self.objects.put(&mut file)?;
             // Of the path: it may lead to another file by now.
             let now = disk::open(path).map_err(DiskError::when("read", path))?;
-            if state(&now, path)? != before || object.size != before.0 {
+            let now = FileState::of(&now).map_err(DiskError::when("read", path))?;
+            if now != before || object.size != before.size {
                 continue;
             }
             return filled(object, name);
@@ -148,25 +149,10 @@ fn filled(object: Object, name: &str) -> Result<Data, ProgramError> {
     Ok(Data { digest: object.digest, size: object.size })
 }
 
-/// What changes when somebody writes to a file or puts another in its place.
-fn state(file: &File, path: &Path) -> Result<(u64, Option<SystemTime>, u64), DiskError> {
-    let metadata = file.metadata().map_err(DiskError::when("read", path))?;
-    Ok((metadata.len(), metadata.modified().ok(), inode(&metadata)))
-}
-
-#[cfg(unix)]
-fn inode(metadata: &fs::Metadata) -> u64 {
-    std::os::unix::fs::MetadataExt::ino(metadata)
-}
-
-#[cfg(not(unix))]
-fn inode(_: &fs::Metadata) -> u64 {
-    0
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn text(snapshots: &Snapshots, data: Data) -> String {
         let mut text = String::new();
