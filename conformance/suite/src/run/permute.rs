@@ -199,8 +199,8 @@ impl fmt::Display for Permutation {
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
     "there is no permutation \"{0}\"; there are uncut, late, late:N, cut:1, cut:whole, \
-     cut:random-NN, twice, swap:all, swap:N, later:CLOCK and idle:CLOCK (2^31us, 2^32us, 2^32ms, 31d, 10y), \
-     rooms:small, rooms:odd, rooms:large, rooms:drips, rooms:sips, after:ID, again:N, byte:HH and A+B"
+     cut:random-NN, twice, swap:all, swap:N, later:CLOCK and idle:CLOCK (2^31us, 2^32us, 2^32ms, \
+     31d, 10y), rooms:small, rooms:odd, rooms:large, rooms:drips, rooms:sips, after:ID, again:N, byte:HH and A+B"
 )]
 pub struct UnknownPermutation(String);
 

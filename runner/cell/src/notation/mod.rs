@@ -324,7 +324,7 @@ fn lines(program: &[u8]) -> impl Iterator<Item = &[u8]> {
         while end < rest.len() && rest[end - 1] == b'\r' && matches!(rest[end], b'\r' | b'\n') {
             end += 1;
         }
-        while returns_follow && end > 0 && rest.get(end) == Some(&b'\r') {
+        while returns_follow && rest.get(end) == Some(&b'\r') {
             end += 1;
         }
         let (line, after) = rest.split_at(end);
