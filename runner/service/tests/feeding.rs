@@ -1,6 +1,7 @@
 //! The feeder and the writer of receptions: what they pass on is whole, between the marks, and
 //! written down before.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
@@ -9,9 +10,10 @@ use std::time::{Duration, Instant};
 use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_live::reactor::LaneId;
 use softplug_live::reservoir::{Drawn, ReservoirReader, reservoir};
+use softplug_live::units::StoredDelivery;
 use softplug_service::feeder::{Feeder, Feeding, Pace, Stream};
 use softplug_service::jobs::{Data, Ending, Extent, JobSpec, Jobs, Keep, Kind, State};
-use softplug_service::programs::{Quotas, Receptions, Snapshots};
+use softplug_service::programs::{Quota, Quotas, Receptions, Snapshots};
 use softplug_service::reception_writer::{Incoming, ReceptionWriter, ReceptionWriterNews};
 
 /// So long that only something lost makes a test wait for it.
@@ -46,16 +48,18 @@ impl Shop {
     }
 
     fn reception_writer(&self) -> (ReceptionWriter, Receiver<ReceptionWriterNews>) {
+        self.reception_writer_within(Quotas::new(std::path::Path::new("."), 0))
+    }
+
+    fn reception_writer_within(
+        &self,
+        quotas: Quotas,
+    ) -> (ReceptionWriter, Receiver<ReceptionWriterNews>) {
         let (tell, news) = channel();
         let tell = move |what| tell.send(what).unwrap();
-        let receptions = self.receptions.clone();
-        let reception_writer = ReceptionWriter::start(
-            self.jobs.clone(),
-            receptions,
-            self.snapshots.clone(),
-            Quotas::new(std::path::Path::new("."), 0),
-            tell,
-        );
+        let (receptions, snapshots) = (self.receptions.clone(), self.snapshots.clone());
+        let reception_writer =
+            ReceptionWriter::start(self.jobs.clone(), receptions, snapshots, quotas, tell);
         (reception_writer.unwrap(), news)
     }
 }
@@ -308,6 +312,72 @@ fn what_is_under_way_when_the_gateway_ends_is_kept_as_failed() {
     assert_eq!((job.state, job.reception.unwrap().bytes), (State::Failed, 7));
     assert_eq!(shop.receptions.list("lathe").unwrap()[0].name, "O1.failed");
     assert_eq!(shop.jobs.live(), []);
+}
+
+#[test]
+fn a_delivery_that_waits_for_a_quota_and_is_said_again_is_kept_once() {
+    let shop = Shop::new();
+    let quotas = Quotas::new(shop.folder.path(), 0);
+    let none = Quota { receptions: 0, ..Quota::default() };
+    quotas.set(BTreeMap::from([("mill".to_owned(), none)]));
+    let (reception_writer, news) = shop.reception_writer_within(quotas.clone());
+    let said = StoredDelivery { unit: 7, delivery: DeliveryId(1) };
+    let say = |lane: u64, text: &[u8]| {
+        let (mut writer, bytes) = reservoir(64, 0, 64);
+        reception_writer.take(Incoming {
+            lane: LaneId(lane),
+            link: "mill".to_owned(),
+            place: "mill".to_owned(),
+            delivery: said.delivery,
+            job: None,
+            unit: Some(said),
+            bytes,
+        });
+        assert_eq!(writer.write(text), text.len());
+        writer.finish();
+        reception_writer.end(LaneId(lane), said.delivery, None, 0, text.len() as u64);
+        writer
+    };
+    let first = say(1, b"O1 M30");
+    let ReceptionWriterNews::Stuck { .. } = news.recv_timeout(Duration::from_mins(1)).unwrap()
+    else {
+        panic!("the quota is reached")
+    };
+    // Its lane is closed, and another one opened.
+    reception_writer.lose(LaneId(1));
+    let again = say(2, b"O1 M30");
+    assert!(!first.is_abandoned() && !again.is_abandoned());
+    quotas.set(BTreeMap::new());
+    while !again.is_abandoned() {
+        std::thread::yield_now();
+    }
+    drop(reception_writer);
+    assert!(first.is_abandoned());
+    let kept: Vec<_> =
+        news.iter().filter(|news| matches!(news, ReceptionWriterNews::Kept(_))).collect();
+    assert_eq!((kept.len(), shop.receptions.list("mill").unwrap().len()), (1, 1), "{kept:?}");
+    assert_eq!(shop.jobs.reader().stored_delivery("mill").unwrap(), Some(said));
+}
+
+#[test]
+fn of_a_delivery_that_is_given_up_the_unit_has_the_rest() {
+    let shop = Shop::new();
+    let (reception_writer, news) = shop.reception_writer();
+    let (mut writer, bytes) = reservoir(64, 0, 64);
+    reception_writer.take(Incoming {
+        lane: LaneId(1),
+        link: "mill".to_owned(),
+        place: "mill".to_owned(),
+        delivery: DeliveryId(1),
+        job: None,
+        unit: Some(StoredDelivery { unit: 7, delivery: DeliveryId(1) }),
+        bytes,
+    });
+    writer.write(b"O1 half");
+    drop(writer);
+    reception_writer.lose(LaneId(1));
+    assert_eq!(kept(&news).state, State::Failed);
+    assert_eq!(shop.jobs.reader().stored_delivery("mill").unwrap(), None);
 }
 
 #[test]

@@ -70,8 +70,8 @@ impl Arrivals {
             return Err(Flood);
         }
         let unit = self.unit;
-        let is_known =
-            self.stored.is_some_and(|last| last.unit == unit && delivery <= last.delivery);
+        let said = StoredDelivery { unit, delivery };
+        let is_known = self.stored.is_some_and(|last| last.covers(said));
         let mut reports = Vec::new();
         let arriving = self.arriving.entry(delivery).or_insert_with(|| {
             let room = room as usize;
@@ -158,8 +158,8 @@ impl Arrivals {
                 let until = arriving.came;
                 let message = ToUnit::Stored { link, delivery: delivery.0, until, is_whole: true };
                 outbox.push(&message, false);
-                let known = stored.filter(|last| last.unit == unit && last.delivery > delivery);
-                *stored = known.or(Some(StoredDelivery { unit, delivery }));
+                let said = StoredDelivery { unit, delivery };
+                *stored = stored.filter(|last| last.covers(said)).or(Some(said));
                 return false;
             }
             let until =
@@ -177,7 +177,15 @@ impl Arrivals {
         reports
     }
 
-    /// The unit was started anew, or is given up: what has not come whole never will.
+    /// The link is given up: what has come ends there, and its unit says the rest to whoever drives
+    /// the link next.
+    pub(super) fn given_up(&mut self) {
+        for (_, mut arriving) in std::mem::take(&mut self.arriving) {
+            arriving.writer.write(&arriving.waiting);
+        }
+    }
+
+    /// The unit was started anew: what has not come whole never will.
     pub(super) fn interrupted(&mut self) -> Vec<Report> {
         std::mem::take(&mut self.arriving)
             .into_iter()

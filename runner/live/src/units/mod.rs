@@ -112,6 +112,13 @@ pub struct StoredDelivery {
     pub delivery: DeliveryId,
 }
 
+impl StoredDelivery {
+    /// Whether `other` is it, or came before it from that unit.
+    pub fn covers(self, other: Self) -> bool {
+        self.unit == other.unit && other.delivery <= self.delivery
+    }
+}
+
 /// A bus, over which many units are fed.
 #[derive(Clone, PartialEq, Debug)]
 pub struct BusSetup {

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io;
 
 use softplug_abi::{DeliveryId, Failure, JobId};
+use softplug_live::reactor::LaneId;
 use softplug_live::reservoir::{Drawn, ReservoirReader};
 use softplug_live::store::Mark;
 use softplug_live::units::StoredDelivery;
@@ -17,6 +18,7 @@ use crate::programs::{Arrival, Arrived, OverQuota, ProgramError, first_differenc
 const TURNS: usize = 4;
 
 pub(super) struct Delivery {
+    pub(super) lane: LaneId,
     pub(super) id: DeliveryId,
     pub(super) link: String,
     place: String,
@@ -80,8 +82,9 @@ pub(super) enum Next {
 
 impl Delivery {
     pub(super) fn new(incoming: Incoming) -> Self {
-        let Incoming { lane: _, link, place, delivery, job, unit, bytes } = incoming;
+        let Incoming { lane, link, place, delivery, job, unit, bytes } = incoming;
         Self {
+            lane,
             id: delivery,
             link,
             place,
@@ -118,6 +121,9 @@ impl Delivery {
         tell: &mut dyn FnMut(ReceptionWriterNews),
     ) -> Result<Next, NotPutAway> {
         if let Stage::New = self.stage {
+            if self.is_stored(stores)? {
+                return Ok(Next::Over);
+            }
             let job = if let Some(job) = self.answers {
                 job
             } else {
@@ -143,6 +149,12 @@ impl Delivery {
         self.keep();
         self.write_down(stores, tell)?;
         Ok(Next::Over)
+    }
+
+    /// Its unit has said it before, to another lane of the link, and it is stored since.
+    fn is_stored(&self, stores: &Stores) -> Result<bool, JobsError> {
+        let Some(said) = self.unit else { return Ok(false) };
+        Ok(stores.jobs.reader().stored_delivery(&self.link)?.is_some_and(|last| last.covers(said)))
     }
 
     /// Writes what there is; `None` when that was all.
@@ -232,7 +244,9 @@ impl Delivery {
             compared: compare(stores, &self.link, arrived),
         };
         let name = arrived.name.clone();
-        match stores.jobs.received(JobId(*job), name, reception, reason.clone(), self.unit) {
+        // Of what was given up here, its unit still has the rest.
+        let unit = self.unit.filter(|_| self.end.as_ref().is_some_and(|end| end.bytes.is_some()));
+        match stores.jobs.received(JobId(*job), name, reception, reason.clone(), unit) {
             Ok(job) => tell(ReceptionWriterNews::Kept(Box::new(job))),
             Err(error @ (JobsError::Disk(_) | JobsError::Store(_))) => return Err(error.into()),
             // The job that it answers has ended in the meantime; the file stays.

@@ -98,7 +98,7 @@ impl ReceptionWriter {
         let thread = thread.spawn(move || {
             let wakes = Wakes::new(thread::current());
             let stores = Stores { jobs, receptions, snapshots, quotas };
-            Worker { stores, tell, wakes, lanes: Vec::new() }.run(&requests);
+            Worker { stores, tell, wakes, links: Vec::new() }.run(&requests);
         })?;
         Ok(Self { requests: Some(sender), thread: Some(thread) })
     }
@@ -161,13 +161,13 @@ struct Worker<T> {
     stores: Stores,
     tell: T,
     wakes: Arc<Wakes>,
-    lanes: Vec<Option<Place>>,
+    links: Vec<Option<Place>>,
 }
 
-/// What one lane brought, in its order: only the first is put away, so that a lane takes one
-/// place however much of it waits.
+/// What one link brought, in its order: only the first is put away, so that a link takes one
+/// place however much of it waits, and what its unit says again comes behind what it said before.
 struct Place {
-    lane: LaneId,
+    link: String,
     deliveries: VecDeque<Delivery>,
 }
 
@@ -196,14 +196,14 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                 return self.clear_up(&mut buffer);
             }
             for slot in self.wakes.take() {
-                let place = self.lanes.get_mut(slot).and_then(Option::as_mut);
+                let place = self.links.get_mut(slot).and_then(Option::as_mut);
                 if let Some(delivery) = place.and_then(Place::first) {
                     delivery.is_woken = true;
                 }
             }
             let retry = self.serve(&mut buffer);
             match retry {
-                None if self.lanes.iter_mut().flatten().any(is_woken) => {}
+                None if self.links.iter_mut().flatten().any(is_woken) => {}
                 None => thread::park(),
                 Some(retry) => {
                     thread::park_timeout(retry.saturating_duration_since(Instant::now()));
@@ -235,8 +235,8 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
 
     /// What is there of a lane.
     fn of(&mut self, lane: LaneId) -> impl Iterator<Item = &mut Delivery> {
-        let places = self.lanes.iter_mut().flatten().filter(move |place| place.lane == lane);
-        places.flat_map(|place| &mut place.deliveries)
+        let deliveries = self.links.iter_mut().flatten().flat_map(|place| &mut place.deliveries);
+        deliveries.filter(move |delivery| delivery.lane == lane)
     }
 
     /// The one that has not ended, if the plug-in has used an id again.
@@ -245,25 +245,27 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
     }
 
     fn take_on(&mut self, incoming: Incoming) {
-        // A lane has one at a time: what is still open there never got its end.
-        for delivery in self.of(incoming.lane) {
-            delivery.end(Some(Failure::Interrupted), 0, None);
-        }
         let is_its =
-            |place: &Option<Place>| place.as_ref().is_some_and(|place| place.lane == incoming.lane);
-        let own = self.lanes.iter().position(is_its);
-        let slot = own.or_else(|| self.lanes.iter().position(Option::is_none));
-        let slot = slot.unwrap_or(self.lanes.len());
+            |place: &Option<Place>| place.as_ref().is_some_and(|place| place.link == incoming.link);
+        let own = self.links.iter().position(is_its);
+        let slot = own.or_else(|| self.links.iter().position(Option::is_none));
+        let slot = slot.unwrap_or(self.links.len());
         if slot >= SLOTS {
             tracing::error!(link = incoming.link, "too many links receive at once, one is dropped");
             return;
         }
         incoming.bytes.wake_with(self.wakes.waker(slot));
-        if slot == self.lanes.len() {
-            self.lanes.push(None);
+        if slot == self.links.len() {
+            self.links.push(None);
         }
-        let lane = incoming.lane;
-        let place = self.lanes[slot].get_or_insert(Place { lane, deliveries: VecDeque::new() });
+        let place = self.links[slot].get_or_insert_with(|| Place {
+            link: incoming.link.clone(),
+            deliveries: VecDeque::new(),
+        });
+        // A link has one at a time: what is still open there never got its end.
+        for delivery in &mut place.deliveries {
+            delivery.end(Some(Failure::Interrupted), 0, None);
+        }
         place.deliveries.push_back(Delivery::new(incoming));
     }
 
@@ -271,7 +273,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
     fn serve(&mut self, buffer: &mut [u8]) -> Option<Instant> {
         let now = Instant::now();
         let mut retry: Option<Instant> = None;
-        for slot in &mut self.lanes {
+        for slot in &mut self.links {
             let Some(delivery) = slot.as_mut().and_then(Place::first) else { continue };
             if delivery.retry_at.map_or(!delivery.is_woken, |at| now < at) {
                 retry = [retry, delivery.retry_at].into_iter().flatten().min();
@@ -314,8 +316,8 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
 
     /// The gateway ends: what has not come is missing.
     fn clear_up(mut self, buffer: &mut [u8]) {
-        let lanes = std::mem::take(&mut self.lanes);
-        for mut delivery in lanes.into_iter().flatten().flat_map(|place| place.deliveries) {
+        let links = std::mem::take(&mut self.links);
+        for mut delivery in links.into_iter().flatten().flat_map(|place| place.deliveries) {
             delivery.end(Some(Failure::Interrupted), 0, None);
             loop {
                 match delivery.work(&self.stores, buffer, true, &mut self.tell) {

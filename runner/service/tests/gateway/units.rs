@@ -10,8 +10,8 @@ use softplug_live::units::TlsPrivateKey;
 use softplug_machines::fanuc::Press;
 use softplug_machines::kept::Received;
 use softplug_service::view::{
-    BusUnitView, JobFilter, JobOrigin, JobState, LinkState, SwapOrder, SwapState, SwapWhen,
-    UnitSlotView,
+    BusUnitView, JobFilter, JobOrigin, JobState, LinkState, StopHow, SwapOrder, SwapState,
+    SwapWhen, UnitSlotView,
 };
 use softplug_unit::{Stop, Unit, UnitConfig};
 use tempfile::TempDir;
@@ -159,6 +159,38 @@ fn what_the_machine_sends_is_a_reception() {
     assert_eq!((reception.bytes, &reception.failure), (text.len() as u64, &None));
     let file = shop.path("state/receptions").join(&link).join(&reception.file);
     assert!(fs::read(&file).unwrap() == text, "{}", file.display());
+}
+
+#[test]
+fn what_a_unit_has_of_a_reception_while_the_gateway_starts_anew_is_kept_too() {
+    let (unit, pty) = TestUnit::with_pty();
+    let mut shop = shop(&unit, "xon-xoff", vec![pty]);
+    let link = Shop::name(0);
+    let text: Vec<u8> = (0..400).flat_map(|n| format!("N{n:04} G1\n").into_bytes()).collect();
+    let (first, rest) = text.split_at(1_500);
+    shop.write(0, first);
+    let came = |shop: &Shop| shop.gateway().link(&link).unwrap().counters.bytes_in;
+    wait_for("the first part", || came(&shop) >= first.len() as u64);
+    wait_for("its job", || !shop.gateway().jobs(&JobFilter::default()).unwrap().is_empty());
+    shop.gateway().stop(StopHow::Park);
+    shop.stopped();
+    shop.write(0, rest);
+    shop.start();
+    wait_for("the end", || {
+        let jobs = shop.gateway().jobs(&JobFilter::default()).unwrap();
+        jobs.len() > 1 && jobs.iter().all(|job| job.ended_ms.is_some())
+    });
+    let mut receptions = shop.gateway().receptions(&link).unwrap();
+    receptions.sort_by_key(|reception| reception.job);
+    let read = |file: &str| fs::read(shop.path("state/receptions").join(&link).join(file)).unwrap();
+    let mut next = 0;
+    for piece in receptions.iter().map(|reception| read(&reception.file)) {
+        // What was not yet told as stored comes once more.
+        let overlap = (0..=next).rev().find(|at| text[*at..].starts_with(&piece));
+        let at = overlap.unwrap_or_else(|| panic!("nothing between is missing: {receptions:?}"));
+        next = next.max(at + piece.len());
+    }
+    assert_eq!(next, text.len(), "{receptions:?}");
 }
 
 #[test]

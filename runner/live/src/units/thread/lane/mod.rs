@@ -308,9 +308,7 @@ impl UnitLane {
         if let Some(end) = self.job.as_ref().map(UnitJob::interrupted) {
             self.let_go(end, around);
         }
-        for report in self.arrivals.interrupted() {
-            self.report(report, around);
-        }
+        self.arrivals.given_up();
         self.status.set_condition(Condition::Removed);
         self.is_closed = true;
     }
