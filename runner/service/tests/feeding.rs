@@ -322,7 +322,7 @@ fn a_delivery_that_waits_for_a_quota_and_is_said_again_is_kept_once() {
     quotas.set(BTreeMap::from([("mill".to_owned(), none)]));
     let (reception_writer, news) = shop.reception_writer_within(quotas.clone());
     let said = StoredDelivery { unit: 7, delivery: DeliveryId(1) };
-    let say = |lane: u64, text: &[u8]| {
+    let say = |lane: u32, text: &[u8]| {
         let (mut writer, bytes) = reservoir(64, 0, 64);
         reception_writer.take(Incoming {
             lane: LaneId(lane),
