@@ -1,15 +1,15 @@
 //! Files: reading what is given, replacing what is ours, keeping what came.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use softplug_live::plain_text;
-use softplug_live::store::{
-    copy_at_one_moment, numbered, rename_to_free, rename_to_new, sync_folder,
-};
+use softplug_live::store::{PartialFile, copy_at_one_moment, numbered, sync_folder};
+use softplug_live::transfer::Sink;
 
 use crate::failure::Failure;
+use crate::screen::Screen;
 
 /// A program to send.
 #[derive(Debug)]
@@ -231,12 +231,14 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 /// A file that is being received: it has its own name only once it is complete.
 #[derive(Debug)]
 pub(crate) struct Partial {
-    pub(crate) file: File,
-    pub(crate) path: PathBuf,
+    pub(crate) file: PartialFile,
     out: PathBuf,
     /// What `out` links to, or itself.
     target: PathBuf,
     force: bool,
+    /// It is complete, and on the disk under its name.
+    is_complete: bool,
+    left: Option<PathBuf>,
 }
 
 impl Partial {
@@ -265,10 +267,15 @@ impl Partial {
                 .hint("choose another name, or overwrite it with --force"));
         }
         let partial = partial_path(out);
+        let taken = PartialFile::take_over(&partial);
+        if taken.is_err_and(|error| error.kind() == io::ErrorKind::WouldBlock) {
+            return Err(under_way(&partial));
+        }
         if is_there(&partial) { Err(left_behind(&partial)) } else { Ok(()) }
     }
 
-    /// Makes `OUT.partial`, after the same checks.
+    /// Makes `OUT.partial`, after the same checks. With `force`, what a killed reception left under that
+    /// name is put aside.
     pub(crate) fn create(out: &Path, force: bool) -> Result<Self, Failure> {
         Self::check(out, force)?;
         // Through a link, so that the link stays one.
@@ -277,82 +284,136 @@ impl Partial {
             _ => out.to_owned(),
         };
         let path = partial_path(&target);
-        if force {
-            // Taken away and not written over: it may be a link to somebody's file.
-            match fs::remove_file(&path) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                    return Err(unwritable(&path, &error));
-                }
-                _ => {}
-            }
-        }
-        let created = OpenOptions::new().write(true).create_new(true).open(&path);
-        let file = created.map_err(|error| match error.kind() {
+        let failure = |error: &io::Error| match error.kind() {
+            io::ErrorKind::WouldBlock => under_way(&path),
+            // Since it was put aside.
+            io::ErrorKind::AlreadyExists if force => under_way(&path),
             io::ErrorKind::AlreadyExists => left_behind(&path),
-            _ => unwritable(&path, &error),
-        })?;
-        Ok(Self { file, path, out: out.to_owned(), target, force })
+            _ => unwritable(&path, error),
+        };
+        // Its lock is held until the new file has one.
+        let aside =
+            if force { put_aside(&path, &target).map_err(|error| failure(&error))? } else { None };
+        let file = PartialFile::create(&path).map_err(|error| failure(&error))?;
+        let left = aside.map(|aside| aside.path().to_owned());
+        Ok(Self { file, out: out.to_owned(), target, force, is_complete: false, left })
+    }
+
+    /// Says where that is what a killed command left, if there was something.
+    pub(crate) fn say_left(&self, screen: &Screen) {
+        if let Some(left) = &self.left {
+            let left = left.display();
+            screen.note(format_args!("what a killed command left of the file is in {left}"));
+        }
     }
 
     /// Writes all that there is and gives it its name; where that fails nothing is left.
     pub(crate) fn write(mut self, bytes: &[u8]) -> Result<PathBuf, Failure> {
         if let Err(error) = self.file.write_all(bytes) {
-            let _ = fs::remove_file(&self.path);
+            let _ = self.file.remove();
             return Err(unwritable(&self.out, &error));
         }
         self.complete()
     }
 
     /// The reception is complete: gives the file its name, and tells it.
-    pub(crate) fn complete(self) -> Result<PathBuf, Failure> {
-        let named = (|| {
-            self.file.sync_all()?;
-            if self.force {
-                fs::rename(&self.path, &self.target)?;
-            } else {
-                rename_to_new(&self.path, &self.target)?;
-            }
-            sync_folder(folder_of(&self.target))
-        })();
-        named.map_err(|error| {
-            Failure::usage(format_args!(
+    pub(crate) fn complete(mut self) -> Result<PathBuf, Failure> {
+        if let Err(error) = Sink::complete(&mut self) {
+            let failure = Failure::usage(format_args!(
                 "cannot give {} its name {}: {error}",
-                self.path.display(),
+                self.file.path().display(),
                 self.out.display()
-            ))
-            .hint("what was received is complete and stays there")
-        })?;
+            ));
+            return Err(match self.keep() {
+                Some(kept) => failure
+                    .hint(format_args!("what was received is complete, in {}", kept.display())),
+                None => failure,
+            });
+        }
         Ok(self.out)
     }
 
     /// The reception failed: what came stays as `OUT.failed`, or with a number if
-    /// there is one already; an empty file does not. Tells where it stays.
-    pub(crate) fn keep(self) -> Option<PathBuf> {
-        if self.file.metadata().is_ok_and(|metadata| metadata.len() == 0) {
-            let _ = fs::remove_file(&self.path);
+    /// there is one already; an empty file does not. Tells where it stays. What was complete before
+    /// has its name, and stays there.
+    pub(crate) fn keep(mut self) -> Option<PathBuf> {
+        if self.is_complete {
+            return Some(self.out);
+        }
+        if self.file.file().metadata().is_ok_and(|metadata| metadata.len() == 0) {
+            let _ = self.file.remove();
             return None;
         }
-        if let Err(error) = self.file.sync_all() {
-            tracing::warn!(file = %self.path.display(), %error, "not known to be on the disk");
+        if let Err(error) = self.file.file().sync_all() {
+            let file = self.file.path().display();
+            tracing::warn!(%file, %error, "not known to be on the disk");
         }
-        let Some(name) = self.out.file_name().and_then(|name| name.to_str()) else {
-            return Some(self.path);
-        };
-        let names = numbered(self.out.parent().unwrap_or(Path::new("")), name, ".failed");
-        Some(rename_to_free(&self.path, names).unwrap_or(self.path))
+        match self.file.keep_as_free(failed_names(&self.out)) {
+            Ok(kept) => Some(kept),
+            Err(error) => {
+                tracing::warn!(file = %self.file.path().display(), %error, "not renamed");
+                self.file.is_in_place().then(|| self.file.path().to_owned())
+            }
+        }
     }
 }
 
-/// Flushed it is on the disk, with its name.
 impl Write for Partial {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.file.write(bytes)
     }
 
+    /// What there is of it is on the disk then, under the name that it has.
     fn flush(&mut self) -> io::Result<()> {
-        self.file.sync_all()?;
-        sync_folder(folder_of(&self.path))
+        self.file.file().sync_all()?;
+        sync_folder(folder_of(self.file.path()))
     }
+}
+
+impl Sink for Partial {
+    fn complete(&mut self) -> io::Result<()> {
+        self.file.file().sync_all()?;
+        if self.is_complete {
+            return Ok(());
+        }
+        if self.force {
+            self.file.rename_over(&self.target)?;
+        } else {
+            self.file.rename_to_new(&self.target).map_err(|error| match error.kind() {
+                io::ErrorKind::AlreadyExists => {
+                    io::Error::new(error.kind(), "another file of this name came up meanwhile")
+                }
+                _ => error,
+            })?;
+        }
+        sync_folder(folder_of(&self.target))?;
+        self.is_complete = true;
+        Ok(())
+    }
+}
+
+/// Keeps what a killed reception left: as failed, as it is not known to be whole. Nothing is to be kept
+/// of an empty file, nor of a link, which is not followed.
+fn put_aside(partial: &Path, out: &Path) -> io::Result<Option<PartialFile>> {
+    match fs::symlink_metadata(partial) {
+        Ok(metadata) if metadata.is_file() => {}
+        Ok(_) => return fs::remove_file(partial).map(|()| None),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error),
+    }
+    let mut left = PartialFile::take_over(partial)?;
+    if left.file().metadata()?.len() == 0 {
+        return left.remove().map(|()| None);
+    }
+    left.file().sync_all()?;
+    left.keep_as_free(failed_names(out))?;
+    Ok(Some(left))
+}
+
+/// Names for what is not whole, of which the first that is not taken is taken.
+fn failed_names(out: &Path) -> impl Iterator<Item = PathBuf> + use<> {
+    let name = out.file_name().unwrap_or_default().to_string_lossy();
+    numbered(out.parent().unwrap_or(Path::new("")), &name, ".failed")
 }
 
 fn partial_path(out: &Path) -> PathBuf {
@@ -366,7 +427,12 @@ fn left_behind(partial: &Path) -> Failure {
         "{} is there already, from a reception that is under way or was killed",
         partial.display()
     ))
-    .hint("move it away, or overwrite it with --force")
+    .hint("move it away, or let --force keep it as a failed one")
+}
+
+fn under_way(partial: &Path) -> Failure {
+    Failure::usage(format_args!("{} is just being written by another command", partial.display()))
+        .hint("wait until that has ended, or choose another name")
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -395,7 +461,7 @@ mod tests {
         let failure = partial.complete().unwrap_err();
         assert!(failure.message.contains("O1.nc.partial"), "{}", failure.message);
         assert_eq!(fs::read(&out).unwrap(), b"theirs");
-        assert_eq!(fs::read(folder.path().join("O1.nc.partial")).unwrap(), b"G1");
+        assert_eq!(fs::read(folder.path().join("O1.nc.failed")).unwrap(), b"G1");
 
         assert!(Partial::create(&out, false).is_err());
         let mut partial = Partial::create(&out, true).unwrap();
@@ -441,6 +507,45 @@ mod tests {
             assert!(fs::symlink_metadata(&out).unwrap().is_file());
             assert_eq!(fs::read(&out).unwrap(), b"G1");
         }
+    }
+
+    #[test]
+    fn what_was_complete_keeps_its_name_whatever_fails_behind_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("O1.nc");
+        let mut partial = Partial::create(&out, false).unwrap();
+        partial.write_all(b"G1").unwrap();
+        Sink::complete(&mut partial).unwrap();
+        assert_eq!(fs::read(&out).unwrap(), b"G1");
+        assert!(!folder.path().join("O1.nc.partial").exists());
+        assert_eq!(partial.keep(), Some(out));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn force_takes_nothing_from_a_reception_that_is_under_way() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("O1.nc");
+        let mut partial = Partial::create(&out, true).unwrap();
+        partial.write_all(b"G1").unwrap();
+        for failure in [Partial::check(&out, true), Partial::create(&out, true).map(drop)] {
+            let message = failure.unwrap_err().message;
+            assert!(message.ends_with("is just being written by another command"), "{message}");
+        }
+        partial.complete().unwrap();
+        assert_eq!(fs::read(&out).unwrap(), b"G1");
+    }
+
+    #[test]
+    fn what_a_killed_reception_left_is_kept_beside_what_force_writes() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("O1.nc");
+        fs::write(folder.path().join("O1.nc.partial"), "half").unwrap();
+        let partial = Partial::create(&out, true).unwrap();
+        let left = folder.path().join("O1.nc.failed");
+        assert_eq!(partial.left.as_ref(), Some(&left));
+        assert_eq!(partial.keep(), None);
+        assert_eq!(fs::read(&left).unwrap(), b"half");
     }
 
     #[test]

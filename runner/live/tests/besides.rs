@@ -19,7 +19,7 @@ use softplug_live::station::{Station, StationOptions};
 use softplug_live::store::Inbox;
 use softplug_live::transfer::{
     Delivered, News, ReceiveOutcome, Reply, Request, SendOptions, SendOutcome, ServeHandler,
-    ServeOptions, TransferError, ask, receive, serve,
+    ServeOptions, Sink, TransferError, ask, receive, serve,
 };
 use softplug_live::{Port, PortOptions, PortSpec};
 use softplug_native::{NativeInstance, NativePlugin};
@@ -177,6 +177,12 @@ impl Write for Full {
     }
 
     fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Sink for Full {
+    fn complete(&mut self) -> io::Result<()> {
         self.at(Self::End)
     }
 }

@@ -1,11 +1,11 @@
 //! A folder that takes deliveries: one file each, none overwritten, failed ones
 //! kept and marked.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::{numbered, rename_to_free, safe_name, sync_folder};
+use super::{PartialFile, first_free, numbered, rename_to_new, safe_name, sync_folder};
 
 /// Whether a delivery is whole.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -40,8 +40,7 @@ pub struct Inbox {
 
 #[derive(Debug)]
 struct UnderWay {
-    file: File,
-    path: PathBuf,
+    file: PartialFile,
     bytes: u64,
     /// A write failed, and part of it may stand behind `bytes`.
     is_torn: bool,
@@ -51,8 +50,9 @@ impl UnderWay {
     /// Takes away what a failed write left behind the good bytes.
     fn mend(&mut self) -> io::Result<()> {
         if self.is_torn {
-            self.file.set_len(self.bytes)?;
-            self.file.seek(SeekFrom::Start(self.bytes))?;
+            let mut file = self.file.file();
+            file.set_len(self.bytes)?;
+            file.seek(SeekFrom::Start(self.bytes))?;
             self.is_torn = false;
         }
         Ok(())
@@ -87,15 +87,15 @@ impl Inbox {
         if self.under_way.is_some() {
             self.end(None, Mark::Failed)?;
         }
-        let mut options = OpenOptions::new();
-        options.write(true).create_new(true);
         for path in numbered(&self.folder, stem, ".partial") {
-            match options.open(&path) {
+            match PartialFile::create(&path) {
                 // Of another reception, or of one that was killed.
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                // Somebody took it for such a one before it was locked.
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
                 Err(error) => return Err(error),
                 Ok(file) => {
-                    self.under_way = Some(UnderWay { file, path, bytes: 0, is_torn: false });
+                    self.under_way = Some(UnderWay { file, bytes: 0, is_torn: false });
                     return Ok(());
                 }
             }
@@ -130,29 +130,31 @@ impl Inbox {
     /// The delivery under way has ended; `name` is from the line.
     ///
     /// # Errors
-    /// The file cannot be brought onto the disk, and is kept as failed then; or it cannot get its
-    /// name: what came stays in the `.partial` one.
+    /// The file cannot be brought onto the disk, or somebody removed or replaced it: what came is kept
+    /// as failed then. Or it cannot get its name: what came stays in the `.partial` one.
     pub fn end(&mut self, name: Option<&str>, mark: Mark) -> io::Result<Kept> {
         let Some(mut under_way) = self.under_way.take() else {
             return Ok(Kept { path: None, bytes: 0 });
         };
         let mended = under_way.mend();
-        let UnderWay { file, path, bytes, .. } = under_way;
+        let UnderWay { mut file, bytes, .. } = under_way;
         if mark == Mark::Failed && bytes == 0 {
-            fs::remove_file(&path)?;
+            file.remove()?;
             return Ok(Kept { path: None, bytes });
         }
-        let synced = mended.and_then(|()| file.sync_all());
-        drop(file);
-        let end = match mark {
-            Mark::Complete if synced.is_ok() => "",
-            _ => ".failed",
+        let put_away = mended.and_then(|()| file.file().sync_all());
+        let put_away = match mark {
+            Mark::Complete => put_away.and_then(|()| file.check()),
+            Mark::Failed => put_away,
         };
+        let is_whole = mark == Mark::Complete && put_away.is_ok();
+        let end = if is_whole { "" } else { ".failed" };
+        let give = |to: &Path| if is_whole { file.rename_to_new(to) } else { file.keep_as_new(to) };
         let to = match name.and_then(safe_name) {
-            Some(name) => rename_to_free(&path, numbered(&self.folder, &name, end))?,
-            None => self.number(&path, end)?,
+            Some(name) => first_free(numbered(&self.folder, &name, end), give)?,
+            None => self.number(end, give)?,
         };
-        synced?;
+        put_away?;
         sync_folder(&self.folder)?;
         Ok(Kept { path: Some(to), bytes })
     }
@@ -182,7 +184,7 @@ impl Inbox {
                 None
             } else {
                 File::open(&path)?.sync_all()?;
-                Some(self.number(&path, ".failed")?)
+                Some(self.number(".failed", |to| rename_to_new(&path, to))?)
             };
             kept.push((stem, Kept { path, bytes }));
         }
@@ -191,7 +193,11 @@ impl Inbox {
     }
 
     /// Deliveries without a name are counted, so that their order is seen.
-    fn number(&mut self, path: &Path, end: &str) -> io::Result<PathBuf> {
+    fn number(
+        &mut self,
+        end: &str,
+        mut give: impl FnMut(&Path) -> io::Result<()>,
+    ) -> io::Result<PathBuf> {
         loop {
             let number = self.number;
             self.number += 1;
@@ -201,7 +207,7 @@ impl Inbox {
                 continue;
             }
             let to = self.folder.join(format!("{number:06}{end}"));
-            match super::rename_to_new(path, &to) {
+            match give(&to) {
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 renamed => return renamed.map(|()| to),
             }
@@ -276,6 +282,22 @@ mod tests {
         deliver(&mut inbox, b"2", None, Mark::Complete);
         assert!(!outside.exists());
         assert_eq!(names(&inside), ["000001", "000002", "O1", "O1-2", "delivery.partial"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_somebody_put_in_its_place_is_not_taken_for_the_delivery() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut inbox = Inbox::new(folder.path()).unwrap();
+        inbox.begin().unwrap();
+        inbox.write(b"ours").unwrap();
+        fs::remove_file(folder.path().join("delivery.partial")).unwrap();
+        fs::write(folder.path().join("delivery.partial"), "theirs").unwrap();
+        let error = inbox.end(Some("O1"), Mark::Complete).unwrap_err();
+        assert!(error.to_string().contains("somebody removed or replaced"), "{error}");
+        assert_eq!(names(folder.path()), ["O1.failed", "delivery.partial"]);
+        assert_eq!(fs::read(folder.path().join("O1.failed")).unwrap(), b"ours");
+        assert_eq!(fs::read(folder.path().join("delivery.partial")).unwrap(), b"theirs");
     }
 
     #[test]

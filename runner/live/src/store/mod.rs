@@ -4,12 +4,14 @@
 mod copying;
 mod inbox;
 mod names;
+mod partial;
 mod shelf;
 mod writers;
 
 pub use copying::{FileState, copy_at_one_moment};
 pub use inbox::{Inbox, Kept, Mark};
 pub use names::{numbered, safe_name};
+pub use partial::PartialFile;
 pub use shelf::Shelf;
 pub use writers::is_open_for_writing;
 
@@ -17,16 +19,15 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Renames `from` to the first name of `names` that is not taken, and tells
-/// which. Never overwrites, also if the name came up meanwhile.
-pub fn rename_to_free(
-    from: &Path,
+/// The first name of `names` that is not taken, by `take`, which never overwrites.
+fn first_free(
     names: impl IntoIterator<Item = PathBuf>,
+    mut take: impl FnMut(&Path) -> io::Result<()>,
 ) -> io::Result<PathBuf> {
-    for to in names {
-        match rename_to_new(from, &to) {
+    for name in names {
+        match take(&name) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-            renamed => return renamed.map(|()| to),
+            taken => return taken.map(|()| name),
         }
     }
     Err(io::Error::new(io::ErrorKind::AlreadyExists, "every name is taken"))

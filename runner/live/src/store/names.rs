@@ -62,7 +62,7 @@ fn is_reserved(name: &str) -> bool {
 
 /// `folder/name`, then with numbers before the extension: `O1.nc`, `O1-2.nc`,
 /// `O1-3.nc` and so on, each with `end` behind it.
-pub fn numbered(folder: &Path, name: &str, end: &str) -> impl Iterator<Item = PathBuf> {
+pub fn numbered(folder: &Path, name: &str, end: &str) -> impl Iterator<Item = PathBuf> + use<> {
     let (stem, extension) = match name.rsplit_once('.') {
         Some((stem, extension)) if !stem.is_empty() => (stem, format!(".{extension}")),
         _ => (name, String::new()),

@@ -4,6 +4,7 @@
 mod receive;
 mod send;
 mod serve;
+mod sink;
 mod source;
 mod unasked;
 
@@ -13,6 +14,7 @@ pub use serve::{
     Delivered, JobReport, News, Program, Reply, Request, ServeEnd, ServeHandler, ServeOptions,
     ServeReport, serve,
 };
+pub use sink::Sink;
 pub use source::ReadSeek;
 pub use unasked::Reception;
 

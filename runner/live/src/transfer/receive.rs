@@ -2,13 +2,13 @@
 
 use softplug_abi::{Action, Failure, Instance, JobId, Micros};
 use softplug_link::LinkHost;
-use std::io::{self, Write};
+use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::unasked::{Reception, Unasked};
 use super::{
-    Note, PATIENCE, Progress, Quiet, TICK, TransferError, duration, is_unacknowledged, note,
+    Note, PATIENCE, Progress, Quiet, Sink, TICK, TransferError, duration, is_unacknowledged, note,
     refuse_all, take_the_rest, tell_the_partner,
 };
 use crate::station::{Brake, Station, Turn};
@@ -61,8 +61,8 @@ pub struct ReceiveReport {
 /// that has begun when the first one ends, such as the next program of one punch, goes into
 /// `besides` and is waited for; without that folder it is dropped and counted.
 ///
-/// `out` is flushed when the delivery is complete, before the partner is told so. Where writing or
-/// flushing fails, what the plug-in said behind that does not leave: nothing is acknowledged that is
+/// `out` is [completed](Sink::complete) when the delivery is, before the partner is told so. Where
+/// writing or completing fails, what the plug-in said behind that does not leave: nothing is acknowledged that is
 /// nowhere.
 ///
 /// With `give_up_after` it ends when no character has come for so long and nothing has begun.
@@ -71,7 +71,7 @@ pub struct ReceiveReport {
 /// The port, the plug-in, the sink or `besides` failed.
 pub fn receive<I: Instance>(
     station: &mut Station<I>,
-    out: &mut impl Write,
+    out: &mut impl Sink,
     unasked: Option<&mut Inbox>,
     give_up_after: Option<Duration>,
     stop: &AtomicBool,
@@ -129,7 +129,7 @@ pub fn receive<I: Instance>(
     let heard = station.counters().bytes_in;
     station.close(PATIENCE, &mut catch)?;
     catch.unasked.close();
-    if catch.error.is_none() {
+    if catch.error.is_none() && catch.outcome != Some(ReceiveOutcome::Complete) {
         catch.error = catch.out.flush().err();
     }
     if let Some(error) = catch.error {
@@ -170,7 +170,7 @@ struct Catch<'a, W> {
     state: String,
 }
 
-impl<'a, W: Write> Catch<'a, W> {
+impl<'a, W: Sink> Catch<'a, W> {
     fn new(out: &'a mut W, unasked: Option<&'a mut Inbox>, brake: Brake) -> Self {
         Self {
             out,
@@ -217,7 +217,7 @@ impl<'a, W: Write> Catch<'a, W> {
 
 // A new action has to be decided on here.
 #[deny(clippy::wildcard_enum_match_arm)]
-impl<W: Write> Catch<'_, W> {
+impl<W: Sink> Catch<'_, W> {
     fn take(&mut self, now: Micros, action: &Action<'_>) {
         match action {
             Action::DeliveryBegin { .. }
@@ -253,7 +253,7 @@ impl<W: Write> Catch<'_, W> {
             }
             Action::DeliveryEnd { failure, status, .. } => {
                 if failure.is_none() && self.error.is_none() {
-                    self.error = self.out.flush().err();
+                    self.error = self.out.complete().err();
                 }
                 self.outcome = Some(match failure {
                     None => ReceiveOutcome::Complete,
@@ -283,7 +283,7 @@ impl<W: Write> Catch<'_, W> {
     }
 }
 
-impl<W: Write> LinkHost for Catch<'_, W> {
+impl<W: Sink> LinkHost for Catch<'_, W> {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         let had_failed = self.has_failed();
         self.take(now, action);

@@ -2,15 +2,15 @@
 
 use softplug_abi::{Action, Failure, Instance, JobId, Micros};
 use softplug_link::{Job, LinkHost, Supply};
-use std::io::{self, Read, Seek, Write};
+use std::io::{self, Read, Seek};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::source::Source;
 use super::unasked::{Reception, Unasked};
 use super::{
-    Note, PATIENCE, Progress, TICK, TransferError, duration, is_unacknowledged, note, refuse_all,
-    take_the_rest,
+    Note, PATIENCE, Progress, Sink, TICK, TransferError, duration, is_unacknowledged, note,
+    refuse_all, take_the_rest,
 };
 use crate::channel::Left;
 use crate::station::{Brake, Station, Turn};
@@ -135,15 +135,16 @@ pub fn send<I: Instance>(
 
 /// Carries out a job with all that it may bring: what answers it (it reads) goes to `answer`, and
 /// what the partner sends besides into `besides`; one that is under way when the job ends is
-/// waited for. Without that folder it is dropped: see [`send`]. `answer` is flushed when the answer is
-/// complete. What cannot be put away is not acknowledged, and ends the job.
+/// waited for. Without that folder it is dropped: see [`send`]. `answer` is
+/// [completed](Sink::complete) when the answer is, before the partner is told so. What cannot be put
+/// away is not acknowledged, and ends the job.
 ///
 /// # Errors
 /// The port, the plug-in, the source, `answer` or `besides` failed.
 pub fn ask<I: Instance>(
     station: &mut Station<I>,
     source: &mut (impl Read + Seek),
-    answer: &mut impl Write,
+    answer: &mut impl Sink,
     unasked: Option<&mut Inbox>,
     options: &SendOptions,
     stop: &AtomicBool,
@@ -255,7 +256,7 @@ struct Feed<'a, S, W> {
     state: String,
 }
 
-impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
+impl<'a, S: Read + Seek, W: Sink> Feed<'a, S, W> {
     fn new(
         source: &'a mut S,
         answer: &'a mut W,
@@ -308,7 +309,7 @@ impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
 
 // A new action has to be decided on here.
 #[deny(clippy::wildcard_enum_match_arm)]
-impl<S: Read + Seek, W: Write> Feed<'_, S, W> {
+impl<S: Read + Seek, W: Sink> Feed<'_, S, W> {
     fn take(&mut self, action: &Action<'_>) {
         match action {
             Action::JobDone { .. } | Action::JobFailed { .. } | Action::CheckResult { .. } => {
@@ -331,7 +332,7 @@ impl<S: Read + Seek, W: Write> Feed<'_, S, W> {
             }
             Action::DeliveryEnd { failure: None, .. } if self.is_answer => {
                 if self.answer_error.is_none() {
-                    self.answer_error = self.answer.flush().err();
+                    self.answer_error = self.answer.complete().err();
                 }
             }
             Action::DeliveryName { .. } | Action::DeliveryEnd { .. } if !self.is_answer => {
@@ -358,7 +359,7 @@ impl<S: Read + Seek, W: Write> Feed<'_, S, W> {
     }
 }
 
-impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
+impl<S: Read + Seek, W: Sink> LinkHost for Feed<'_, S, W> {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         let had_failed = self.has_failed();
         self.take(action);

@@ -53,7 +53,7 @@ pub(crate) struct Arguments {
     /// The file to write
     #[arg(long, short, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
-    /// Overwrite FILE, and what a killed reception left of it
+    /// Overwrite FILE; what a killed reception left is kept as FILE.failed
     #[arg(long, short, conflicts_with = "dir")]
     pub(crate) force: bool,
     /// The folder to write all deliveries into

@@ -37,6 +37,7 @@ pub(crate) fn receive(
     let stop = stop::on_signals()?;
     let mut station = station(&arguments.port, &arguments.link, &plugin, settings, true, screen)?;
     let mut partial = Partial::create(out, arguments.force)?;
+    partial.say_left(screen);
     let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new("."));
     let mut besides = Inbox::new(folder).map_err(|error| {

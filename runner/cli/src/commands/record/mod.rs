@@ -56,7 +56,7 @@ pub(crate) struct Arguments {
     /// The trace to write
     #[arg(long, short, value_name = "FILE")]
     pub(crate) out: PathBuf,
-    /// Overwrite FILE, and what a killed recording left of it
+    /// Overwrite FILE; what a killed recording left is kept as FILE.failed
     #[arg(long, short)]
     pub(crate) force: bool,
     /// The partner in the plug-in's place: what reaches it is "<", what it sends is ">"

@@ -9,7 +9,7 @@ use data_encoding::HEXLOWER;
 use softplug_abi::Failure as Why;
 use softplug_live::PortSpec;
 use softplug_live::store::Inbox;
-use softplug_live::transfer::{self, Progress, SendOptions, SendOutcome, SendReport};
+use softplug_live::transfer::{self, Progress, SendOptions, SendOutcome, SendReport, Sink};
 use softplug_trial::reason;
 
 use super::{Arguments, Document, Prepared, StatusDocument, check_message};
@@ -47,7 +47,11 @@ pub(crate) fn send(
     };
     let options = SendOptions { check, size: Some(program.size), job_kind, fields };
     let mut answer = match &arguments.out {
-        Some(out) => Answer::File(Partial::create(out, arguments.force)?),
+        Some(out) => {
+            let partial = Partial::create(out, arguments.force)?;
+            partial.say_left(screen);
+            Answer::File(partial)
+        }
         None => Answer::Shown(Vec::new()),
     };
     let bar = Bar::new(options.size.filter(|size| *size > 0), screen);
@@ -195,6 +199,15 @@ impl Write for Answer {
     fn flush(&mut self) -> io::Result<()> {
         match self {
             Self::File(partial) => partial.flush(),
+            Self::Shown(_) => Ok(()),
+        }
+    }
+}
+
+impl Sink for Answer {
+    fn complete(&mut self) -> io::Result<()> {
+        match self {
+            Self::File(partial) => Sink::complete(partial),
             Self::Shown(_) => Ok(()),
         }
     }

@@ -71,9 +71,11 @@ pub(crate) fn record(
             story.lines_at_start(from, on);
         }
     }
+    let writer = TraceWriter::create(&arguments.out, arguments.force, front)?;
+    writer.say_left(screen);
     let recording = Recording {
         story,
-        writer: TraceWriter::create(&arguments.out, arguments.force, front)?,
+        writer,
         is_line_asked: arguments.line.is_some(),
         redactor: arguments.redact.then(|| Redactor::new(&profile)),
         rehearsal,

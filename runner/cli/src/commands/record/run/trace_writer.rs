@@ -9,6 +9,7 @@ use softplug_trace::{FrontMatter, Line, LineSettings, Trace, limits};
 
 use crate::failure::Failure;
 use crate::files::{Partial, unwritable};
+use crate::screen::Screen;
 
 /// Where a part ends: with room for a last batch below what a trace may have.
 const PART: Limits = Limits { bytes: limits::FILE_BYTES / 4 * 3, lines: limits::LINES / 4 * 3 };
@@ -54,6 +55,11 @@ impl TraceWriter {
             limits: PART,
             is_begun: false,
         })
+    }
+
+    /// Says where that is what a killed recording left, if there was something.
+    pub(super) fn say_left(&self, screen: &Screen) {
+        self.partial.say_left(screen);
     }
 
     /// Whether something stands in it: then it is known what its line is.
@@ -131,7 +137,7 @@ impl TraceWriter {
     fn write(&mut self, text: &str) -> Result<(), Failure> {
         self.bytes += text.len();
         let written = self.partial.file.write_all(text.as_bytes());
-        written.map_err(|error| unwritable(&self.partial.path, &error))
+        written.map_err(|error| unwritable(self.partial.file.path(), &error))
     }
 }
 
