@@ -56,7 +56,8 @@ impl Partner {
         let pty = PtyPair::open().unwrap();
         let port = pty.slave_path().to_str().unwrap().to_owned();
         let receive = ["receive", "--port", &port, "--plugin", "native:r3964", "--out", "O1.bin"];
-        let quiet = ["--set", "nak_at_start=off"];
+        // Much may happen before the block comes.
+        let quiet = ["--set", "nak_at_start=off", "--set", "zvz=60000"];
         let receives = bench.command(&[&receive[..], &quiet, options].concat()).spawn().unwrap();
         let partner = Self { pty, receives };
         partner.pty.write(&[0x02]).unwrap();
