@@ -232,6 +232,7 @@ fn kept(news: &Receiver<ReceptionWriterNews>) -> softplug_service::jobs::Job {
         match news.recv_timeout(Duration::from_mins(1)).expect("news comes") {
             ReceptionWriterNews::Kept(job) => return *job,
             ReceptionWriterNews::Begun(job) => assert_eq!(job.state, State::Running),
+            ReceptionWriterNews::Over { .. } => {}
             other => panic!("{other:?}"),
         }
     }
@@ -417,4 +418,117 @@ fn while_the_disk_takes_nothing_nothing_is_read_and_nothing_is_lost() {
     let job = kept(&news);
     assert_eq!((job.state, job.reception.unwrap().bytes), (State::Done, 64));
     assert_eq!(said.lock().unwrap().len(), 1);
+}
+
+/// A link whose receptions cannot be put away, as a file is where their folder should be: what it
+/// received, as a whole.
+fn received(
+    reception_writer: &ReceptionWriter,
+    delivery: u32,
+    unit: Option<StoredDelivery>,
+    text: &[u8],
+) -> softplug_live::reservoir::ReservoirWriter {
+    let (mut writer, bytes) = reservoir(64, 0, 64);
+    reception_writer.take(Incoming {
+        lane: LaneId(1),
+        link: "lathe".to_owned(),
+        place: "lathe".to_owned(),
+        delivery: DeliveryId(delivery),
+        job: None,
+        unit,
+        bytes,
+    });
+    assert_eq!(writer.write(text), text.len());
+    writer.finish();
+    let size = text.len() as u64;
+    reception_writer.end(LaneId(1), DeliveryId(delivery), None, 0, size);
+    writer
+}
+
+/// The next news of a kind that matters to these tests.
+fn next_but_begun(news: &Receiver<ReceptionWriterNews>) -> ReceptionWriterNews {
+    loop {
+        match news.recv_timeout(Duration::from_mins(1)).expect("news comes") {
+            ReceptionWriterNews::Begun(_) => {}
+            news => return news,
+        }
+    }
+}
+
+#[test]
+fn at_the_end_what_the_disk_does_not_take_is_tried_until_it_does() {
+    let shop = Shop::new();
+    let (reception_writer, news) = shop.reception_writer();
+    let place = shop.folder.path().join("receptions/lathe");
+    std::fs::write(&place, "in the way").unwrap();
+    for (delivery, text) in [(1, b"O1 M30"), (2, b"O2 M30")] {
+        received(&reception_writer, delivery, None, text);
+    }
+    assert!(matches!(next_but_begun(&news), ReceptionWriterNews::Stuck { .. }));
+    reception_writer.lose(LaneId(1));
+    reception_writer.finish();
+    assert!(matches!(next_but_begun(&news), ReceptionWriterNews::Stuck { .. }), "it is told anew");
+    std::fs::remove_file(&place).unwrap();
+    let mut kept = Vec::new();
+    let mut over = 0;
+    while over < 2 {
+        match next_but_begun(&news) {
+            ReceptionWriterNews::GoesOn { .. } => {}
+            ReceptionWriterNews::Kept(job) => kept.push((job.state, job.reception.unwrap().bytes)),
+            ReceptionWriterNews::Over { link } => over += usize::from(link == "lathe"),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(kept, [(State::Done, 6); 2]);
+    drop(reception_writer);
+    assert!(news.try_recv().is_err(), "nothing is left to be done");
+}
+
+#[test]
+fn what_is_given_up_at_the_end_is_told_as_lost_and_its_job_says_so() {
+    for is_asked in [true, false] {
+        let shop = Shop::new();
+        let (reception_writer, news) = shop.reception_writer();
+        std::fs::write(shop.folder.path().join("receptions/lathe"), "in the way").unwrap();
+        for (delivery, text) in [(1, &b"O1 M30"[..]), (2, b"O2")] {
+            received(&reception_writer, delivery, None, text);
+        }
+        if is_asked {
+            reception_writer.give_up();
+        }
+        drop(reception_writer);
+        let news: Vec<_> = news.iter().collect();
+        let lost = news.iter().filter_map(|news| match news {
+            ReceptionWriterNews::Lost { link, job, bytes, .. } if link == "lathe" => {
+                Some((job.unwrap(), *bytes))
+            }
+            _ => None,
+        });
+        let lost: Vec<_> = lost.collect();
+        assert_eq!(lost.iter().map(|(_, bytes)| *bytes).collect::<Vec<_>>(), [6, 2], "{news:?}");
+        for (job, bytes) in lost {
+            let job = shop.jobs.reader().job(job).unwrap();
+            let reason = job.reason.unwrap().text;
+            assert_eq!((job.state, job.reception.unwrap().file), (State::Failed, None));
+            assert!(reason.ends_with(&format!("; {bytes} bytes of it are lost")), "{reason}");
+        }
+        let over = news.iter().filter(|news| matches!(news, ReceptionWriterNews::Over { .. }));
+        assert_eq!((over.count(), shop.jobs.live().len()), (2, 0));
+    }
+}
+
+#[test]
+fn what_a_unit_has_yet_is_not_waited_for_at_the_end() {
+    let shop = Shop::new();
+    let (reception_writer, news) = shop.reception_writer();
+    std::fs::write(shop.folder.path().join("receptions/lathe"), "in the way").unwrap();
+    let said = StoredDelivery { unit: 7, delivery: DeliveryId(1) };
+    let writer = received(&reception_writer, 1, Some(said), b"O1 M30");
+    assert!(matches!(next_but_begun(&news), ReceptionWriterNews::Stuck { .. }));
+    reception_writer.finish();
+    let ReceptionWriterNews::Kept(job) = next_but_begun(&news) else { panic!("its job ends") };
+    assert_eq!(job.state, State::Failed);
+    assert!(matches!(next_but_begun(&news), ReceptionWriterNews::Over { .. }));
+    assert_eq!(shop.jobs.reader().stored_delivery("lathe").unwrap(), None);
+    assert_eq!(writer.consumed(), 0);
 }

@@ -387,14 +387,16 @@ impl Gateway {
         }
     }
 
-    /// Stops the gateway for a new one that takes its place, if no link is busy: what a
-    /// link has under way lives in this process and cannot be handed over byte by byte.
+    /// Stops the gateway for a new one that takes its place, if no link is busy and all that came is
+    /// put away: what a link has under way lives in this process and cannot be handed over byte by byte.
     pub fn make_way(&self) -> Result<(), Refusal> {
         self.refuse_while_stopping()?;
         self.shared.ask(Control::make_way)
     }
 
-    /// Stops the gateway; returns at once.
+    /// Stops the gateway; returns at once. It waits until what was received is put away. Said
+    /// again, nothing is waited for: jobs are parked, and what cannot be put away is
+    /// [lost](super::Running::lost).
     pub fn stop(&self, how: StopHow) {
         self.shared.tell(move |control| control.stop(how));
     }

@@ -2,6 +2,7 @@
 
 use softplug_abi::JobId;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use softplug_link::Job as LaneJob;
 use softplug_live::reactor::{Command, Feed};
@@ -13,7 +14,7 @@ use super::rate::Rate;
 use crate::Refusal;
 use crate::config::PortConfig;
 use crate::feeder::{FeederNews, Feeding, Pace, Stream};
-use crate::jobs::{Ending, Job, JobSpec, JobsError, Reason, Subject, Weight};
+use crate::jobs::{Ending, Job, JobSpec, JobsError, Note, Reason, Subject, Weight};
 use crate::reception_writer::ReceptionWriterNews;
 use crate::view::{Change, JobView};
 
@@ -210,13 +211,10 @@ impl Control {
             }
             ReceptionWriterNews::Stuck { link, why } => {
                 let text = format!("what \"{link}\" receives cannot be put away: {why}");
-                let note = format!("{text}; the machine is held");
-                self.shared.parts.journal_writer.link(
-                    Subject::Reception,
-                    Weight::Alarm,
-                    &link,
-                    note,
-                );
+                if let Some(note) = self.stuck_note(&link, &text) {
+                    let journal_writer = &self.shared.parts.journal_writer;
+                    journal_writer.link(Subject::Reception, Weight::Alarm, &link, note);
+                }
                 self.trouble = Some(text);
             }
             ReceptionWriterNews::GoesOn { link } => {
@@ -229,6 +227,25 @@ impl Control {
                 );
                 self.trouble = None;
             }
+            ReceptionWriterNews::Lost { link, job, bytes, why } => {
+                self.shared.lost.fetch_add(bytes, Ordering::Relaxed);
+                let text = format!("{bytes} bytes that \"{link}\" received are lost: {why}");
+                let mut note = Note::new(Subject::Reception, text).of_link(link);
+                if let Some(job) = job {
+                    note = note.of_job(job);
+                }
+                self.shared.parts.journal_writer.note(note.weighing(Weight::Alarm));
+            }
+            ReceptionWriterNews::Over { link } => self.put_away(&link),
+        }
+    }
+
+    /// The writer of receptions has no more to do with a delivery.
+    fn put_away(&mut self, link: &str) {
+        let Some(count) = self.to_put_away.get_mut(link) else { return };
+        *count -= 1;
+        if *count == 0 {
+            self.to_put_away.remove(link);
         }
     }
 

@@ -39,11 +39,11 @@ mod worker;
 pub use start::{Running, StartError, check, start};
 pub use watching::{Next, Watching};
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::File;
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -105,6 +105,8 @@ pub(crate) struct Shared {
     pub(crate) upload_bytes: u64,
     pub(crate) parts: Parts,
     pub(crate) is_stopping: AtomicBool,
+    /// Bytes of receptions that were given up at the end.
+    pub(crate) lost: AtomicU64,
     /// Devices that stay open for the gateway that takes the place of this one.
     pub(crate) kept: Mutex<Vec<OwnedFd>>,
 }
@@ -133,6 +135,8 @@ pub(crate) struct Control {
     drivers: Drivers,
     feeder: Feeder,
     reception_writer: ReceptionWriter,
+    /// Deliveries that the writer of receptions has to do with, by link.
+    to_put_away: BTreeMap<String, u32>,
     links: BTreeMap<String, Link>,
     lanes: HashMap<LaneId, String>,
     cells: Cells,
@@ -163,6 +167,12 @@ struct Stopping {
     until: Option<Instant>,
     /// Lanes are told to close; until then they may.
     closing: Option<Instant>,
+    /// No lane is left; what was received is put away.
+    is_clearing: bool,
+    /// What cannot be put away is given up.
+    gives_up: bool,
+    /// Links of which it was said that the stop waits for them.
+    told: BTreeSet<String>,
     /// Another gateway takes the place of this one: devices stay open.
     hands_over: bool,
 }

@@ -51,6 +51,7 @@ impl Control {
                 let link = name.clone();
                 let unit = unit.map(|unit| StoredDelivery { unit, delivery });
                 let incoming = Incoming { lane, link, place, delivery, job, unit, bytes };
+                *self.to_put_away.entry(name).or_default() += 1;
                 self.reception_writer.take(incoming);
             }
             Report::DeliveryNamed { delivery, name: called } => {

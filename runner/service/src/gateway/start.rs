@@ -2,9 +2,10 @@
 //! and what went wrong by blame.
 
 use std::collections::{BTreeMap, HashMap};
+use std::fmt::Write as _;
 use std::io;
 use std::os::fd::OwnedFd;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
@@ -29,10 +30,10 @@ use super::reload::prepare;
 use super::results::Results;
 use super::worker::Worker;
 use super::{Control, Gateway, Message, Parts, Shared};
-use crate::config::{Config, ConfigError, ConfigFinding};
+use crate::config::{Config, ConfigError, ConfigFinding, LinkConfig, PortConfig};
 use crate::disk::DiskError;
 use crate::feeder::Feeder;
-use crate::jobs::{Jobs, JobsError, Keep, Note, Recovery, Subject, Weight};
+use crate::jobs::{Job, Jobs, JobsError, Keep, Kind, Note, Recovery, Subject, Weight};
 use crate::library::{Library, LibraryError, Watch};
 use crate::programs::{Programs, Quotas, Receptions, Snapshots};
 use crate::reception_writer::ReceptionWriter;
@@ -88,7 +89,8 @@ impl Running {
         &self.gateway
     }
 
-    /// Waits until the links are closed; the handle still answers for the rest.
+    /// Waits until the links are closed and what was received is put away; the handle still answers
+    /// for the rest.
     pub fn wait_for_stop(&self) {
         while !self.thread.is_finished() {
             thread::sleep(LOOK);
@@ -99,6 +101,12 @@ impl Running {
     /// [asked for](Gateway::make_way) and the links are closed.
     pub fn kept(&self) -> Vec<OwnedFd> {
         std::mem::take(&mut *self.gateway.shared.kept())
+    }
+
+    /// How many bytes of receptions were given up by a stop that was [said again](Gateway::stop), once
+    /// it has stopped.
+    pub fn lost(&self) -> u64 {
+        self.gateway.shared.lost.load(Ordering::Relaxed)
     }
 
     /// Waits until it has stopped. If there is no other handle any more, its database is
@@ -142,14 +150,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     let snapshots = Snapshots::open_folder(&state.join("snapshots"))?;
     snapshots.collect_garbage(|| jobs.reader().needed_data())?;
     let receptions = Receptions::open(&config.gateway.receptions)?;
-    let left_over = receptions.recover()?;
-    for left in &left_over {
-        let links = config.links.iter();
-        let link = links.filter(|link| link.receive == left.place).map(|link| &*link.name).next();
-        if let Some(file) = left.arrived.file() {
-            jobs.recovered(left.job, link, file, left.arrived.bytes)?;
-        }
-    }
+    let received = recover_receptions(&config, &jobs, &receptions, &recovery)?;
     let quotas = Quotas::new(&config.gateway.receptions, config.gateway.free_space);
     let programs = Programs::open(&config.gateway.programs)?;
     let library = Library::open(&config.gateway.library)?;
@@ -185,10 +186,11 @@ pub fn start(config: Config) -> Result<Running, StartError> {
             loading,
         },
         is_stopping: AtomicBool::new(false),
+        lost: AtomicU64::new(0),
         kept: Mutex::default(),
     });
     let ready = shared.make_ready(config)?;
-    tell_recovery(&shared.parts.journal_writer, &recovery, left_over.len());
+    tell_recovery(&shared.parts.journal_writer, &recovery, received);
     let options = ReactorOptions {
         threads: ready.config.gateway.threads,
         links_per_thread: ready.config.gateway.links_per_thread,
@@ -221,6 +223,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         drivers,
         feeder,
         reception_writer,
+        to_put_away: BTreeMap::new(),
         links: BTreeMap::new(),
         lanes: HashMap::new(),
         cells: Cells::default(),
@@ -262,13 +265,75 @@ fn loads(host: &Host) -> impl Fn(&[u8]) -> Result<(), LibraryError> + Send + Syn
     }
 }
 
-fn tell_recovery(journal_writer: &JournalWriter, recovery: &Recovery, left_over: usize) {
-    let interrupted = recovery.interrupted.len();
-    let text = format!(
-        "the gateway starts; {interrupted} jobs were interrupted, {} wait, {left_over} receptions \
-         were kept as failed",
-        recovery.queued
+/// Receptions that were under way when the last gateway ended.
+#[derive(Copy, Clone, Default)]
+struct RecoveredReceptions {
+    kept: usize,
+    lost: usize,
+}
+
+/// What the last gateway left behind of receptions is kept as failed, and belongs to its job. Of a
+/// job without a file nothing is there any more: that is said.
+fn recover_receptions(
+    config: &Config,
+    jobs: &Jobs,
+    receptions: &Receptions,
+    recovery: &Recovery,
+) -> Result<RecoveredReceptions, StartError> {
+    let mut recovered = RecoveredReceptions::default();
+    let left_over = receptions.recover()?;
+    for left in &left_over {
+        let mut links = config.links.iter();
+        let link = links.find(|link| link.receive == left.place).map(|link| &*link.name);
+        if let Some(file) = left.arrived.file() {
+            jobs.recovered(left.job, link, file, left.arrived.bytes)?;
+            recovered.kept += 1;
+        }
+    }
+    for job in &recovery.interrupted {
+        let is_received = job.spec.kind == Kind::Receive;
+        if !is_received && !left_over.iter().any(|left| left.job == job.id) {
+            continue;
+        }
+        if jobs.reader().job(job.id).is_ok_and(|job| job.reception.is_some()) {
+            continue;
+        }
+        let link = config.links.iter().find(|link| link.name == job.spec.link);
+        // A unit says again what it was not told to be stored.
+        let is_in_unit = link.is_some_and(|link| matches!(link.port, PortConfig::Unit(_)));
+        if is_in_unit || link.is_some_and(|link| may_be_there(link, job, jobs, receptions)) {
+            continue;
+        }
+        jobs.lost(job.id)?;
+        recovered.lost += 1;
+    }
+    Ok(recovered)
+}
+
+/// Whether a file came after this job had begun and belongs to none: the gateway may have ended
+/// between the two.
+fn may_be_there(link: &LinkConfig, job: &Job, jobs: &Jobs, receptions: &Receptions) -> bool {
+    let Ok(files) = receptions.list(&link.receive) else { return true };
+    let later = files.iter().take_while(|file| file.modified >= job.created);
+    let names: Vec<&str> = later.map(|file| &*file.name).collect();
+    let known = jobs.reader().of_receptions(&link.name, names.iter().copied());
+    known.map_or(true, |known| names.iter().any(|name| !known.contains_key(name)))
+}
+
+fn tell_recovery(
+    journal_writer: &JournalWriter,
+    recovery: &Recovery,
+    received: RecoveredReceptions,
+) {
+    let (interrupted, queued) = (recovery.interrupted.len(), recovery.queued);
+    let RecoveredReceptions { kept, lost } = received;
+    let mut text = format!(
+        "the gateway starts; {interrupted} jobs were interrupted, {queued} wait, {kept} receptions \
+         were kept as failed"
     );
-    let weight = if interrupted + left_over > 0 { Weight::Warning } else { Weight::Normal };
+    if lost > 0 {
+        let _ = write!(text, ", {lost} were lost with the gateway: nothing of them is on the disk");
+    }
+    let weight = if interrupted + kept > 0 { Weight::Warning } else { Weight::Normal };
     journal_writer.note(Note::new(Subject::Gateway, text).weighing(weight));
 }

@@ -1,6 +1,7 @@
-//! An orderly end: jobs are finished or parked, ports closed, all of it written
-//! down.
+//! An orderly end: jobs are finished or parked, ports closed, what came put away, all of it
+//! written down.
 
+use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -17,23 +18,42 @@ const CLOSING: Duration = Duration::from_secs(3);
 const PARKED: &str = "the gateway was stopped; it can be restarted at a block";
 
 impl Control {
-    /// Begins to stop; said again, it no longer waits for jobs.
+    /// Begins to stop; said again, it waits neither for jobs nor for room for what was received.
     pub(super) fn stop(&mut self, how: StopHow) {
-        let is_first = self.stopping.is_none();
+        let now = Instant::now();
         let until = match how {
-            StopHow::Park => Some(Instant::now() + self.config.gateway.stop_patience),
+            StopHow::Park => Some(now + self.config.gateway.stop_patience),
             StopHow::Finish => None,
         };
-        let stopping =
-            self.stopping.get_or_insert(Stopping { how, until, closing: None, hands_over: false });
-        if !is_first && stopping.how == StopHow::Finish && how == StopHow::Park {
-            (stopping.how, stopping.until) = (how, until);
-        }
-        if is_first {
-            self.begin_stop(match how {
-                StopHow::Park => "the gateway stops; jobs are parked",
-                StopHow::Finish => "the gateway stops when the jobs that run have ended",
-            });
+        match &mut self.stopping {
+            None => {
+                self.stopping = Some(Stopping::new(how, until));
+                self.begin_stop(match how {
+                    StopHow::Park => "the gateway stops; jobs are parked",
+                    StopHow::Finish => "the gateway stops when the jobs that run have ended",
+                });
+            }
+            // It was no stop until now, and what it waits for is said anew.
+            Some(stopping) if stopping.hands_over => {
+                stopping.hands_over = false;
+                stopping.told.clear();
+                if stopping.is_clearing {
+                    self.reception_writer.finish();
+                }
+            }
+            Some(stopping)
+                if stopping.is_clearing
+                    || (stopping.how, how) == (StopHow::Park, StopHow::Park) =>
+            {
+                (stopping.gives_up, stopping.until) = (true, Some(now));
+                if stopping.is_clearing {
+                    self.reception_writer.give_up();
+                }
+            }
+            Some(stopping) if how == StopHow::Park => {
+                (stopping.how, stopping.until) = (how, until);
+            }
+            Some(_) => {}
         }
         if how == StopHow::Park {
             self.park();
@@ -41,24 +61,30 @@ impl Control {
         self.tend_stop();
     }
 
-    /// Stops for a new gateway, unless that would break something off.
+    /// Stops for a new gateway, unless that would break something off or lose what came.
     pub(super) fn make_way(&mut self) -> Result<(), Refusal> {
         let links =
             self.links.iter().filter(|(_, link)| link.is_busy() || link.port.client.is_some());
         let busy: Vec<&str> = links.map(|(name, _)| name.as_str()).collect();
+        let waits = self.to_put_away.keys().map(String::as_str);
+        let waits: Vec<&str> = waits.filter(|name| !busy.contains(name)).collect();
+        let mut why = Vec::new();
         if !busy.is_empty() {
-            return Err(Refusal::Conflict(format!(
-                "the gateway cannot be replaced now: {} {} busy; try again when that has ended",
-                busy.join(", "),
-                if busy.len() == 1 { "is" } else { "are" }
-            )));
+            let are = if busy.len() == 1 { "is" } else { "are" };
+            why.push(format!("{} {are} busy; try again when that has ended", busy.join(", ")));
         }
-        self.stopping = Some(Stopping {
-            how: StopHow::Park,
-            until: Some(Instant::now()),
-            closing: None,
-            hands_over: true,
-        });
+        if !waits.is_empty() {
+            let links = waits.join(", ");
+            why.push(format!(
+                "what {links} received is not put away yet; make room, and try again"
+            ));
+        }
+        if !why.is_empty() {
+            let why = why.join("; ");
+            return Err(Refusal::Conflict(format!("the gateway cannot be replaced now: {why}")));
+        }
+        let stopping = Stopping::new(StopHow::Park, Some(Instant::now()));
+        self.stopping = Some(Stopping { hands_over: true, ..stopping });
         self.begin_stop("the gateway makes way for another");
         self.tend_stop();
         Ok(())
@@ -105,17 +131,55 @@ impl Control {
         }
     }
 
-    /// Whether all lanes are closed, or no longer waited for.
-    pub(super) fn has_stopped(&self) -> bool {
-        let closing = self.stopping.as_ref().and_then(|stopping| stopping.closing);
-        closing.is_some_and(|until| self.links.is_empty() || Instant::now() >= until)
+    /// Whether all lanes are closed, or no longer waited for, and what came on them is put away.
+    pub(super) fn has_stopped(&mut self) -> bool {
+        let Some(stopping) = &self.stopping else { return false };
+        let Some(until) = stopping.closing else { return false };
+        if !stopping.is_clearing {
+            if !self.links.is_empty() && Instant::now() < until {
+                return false;
+            }
+            self.clear_links();
+        }
+        // Who has ended puts nothing away any more.
+        self.to_put_away.is_empty() || self.reception_writer.has_ended()
     }
 
-    /// What is left over at the end is written down.
-    pub(super) fn end(mut self) {
+    /// Nothing more comes: what is left over is broken off, and what came is put away.
+    fn clear_links(&mut self) {
         let left: Vec<String> = self.links.keys().cloned().collect();
         for name in left {
             self.break_off(&name, PARKED);
+        }
+        self.lanes.clear();
+        self.reception_writer.finish();
+        if let Some(stopping) = &mut self.stopping {
+            stopping.is_clearing = true;
+            if stopping.gives_up {
+                self.reception_writer.give_up();
+            }
+        }
+    }
+
+    /// What is said of a link whose receptions cannot be put away; a stop says it once.
+    pub(super) fn stuck_note(&mut self, link: &str, text: &str) -> Option<String> {
+        match &mut self.stopping {
+            Some(stopping) if stopping.is_clearing => {
+                stopping.told.insert(link.to_owned()).then(|| {
+                    format!(
+                        "{text}; the gateway ends when it is: make room, or stop the gateway once \
+                         more to give it up"
+                    )
+                })
+            }
+            _ => Some(format!("{text}; the machine is held")),
+        }
+    }
+
+    /// What has ended is written down.
+    pub(super) fn end(mut self) {
+        if self.stopping.as_ref().is_none_or(|stopping| !stopping.is_clearing) {
+            self.clear_links();
         }
         self.drops.end();
         self.shared.parts.loader.stop();
@@ -123,5 +187,19 @@ impl Control {
             .parts
             .journal_writer
             .note(Note::new(Subject::Gateway, "the gateway has stopped"));
+    }
+}
+
+impl Stopping {
+    fn new(how: StopHow, until: Option<Instant>) -> Self {
+        Self {
+            how,
+            until,
+            closing: None,
+            is_clearing: false,
+            gives_up: false,
+            told: BTreeSet::new(),
+            hands_over: false,
+        }
     }
 }

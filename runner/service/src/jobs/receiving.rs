@@ -3,8 +3,8 @@
 use super::store::{Change, look};
 use super::told::{note, received_note};
 use super::{
-    Job, JobSpec, Jobs, JobsError, Kind, Origin, Reason, Reception, State, Step, Today, created,
-    live, now,
+    Job, JobSpec, Jobs, JobsError, Kind, Note, Origin, Reason, Reception, State, Step, Subject,
+    Today, Weight, created, live, now,
 };
 use softplug_abi::JobId;
 use softplug_live::units::StoredDelivery;
@@ -64,6 +64,21 @@ impl Jobs {
     /// What a link has received today.
     pub fn today(&self, link: &str) -> Today {
         look(&self.known).today(link, now())
+    }
+
+    /// The gateway was killed before anything of it was on the disk: what had come is lost.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    pub fn lost(&self, id: JobId) -> Result<(), JobsError> {
+        let mut store = self.store();
+        let Some(mut job) = store.job(id)? else { return Ok(()) };
+        let text = "the gateway ended in the middle of it; nothing of it is on the disk";
+        job.reason = Some(Reason::new("interrupted", text));
+        let text = format!("job {id}: what came is lost: {text}");
+        let note = Note::new(Subject::Reception, text).of_link(&*job.spec.link).of_job(id);
+        let (jobs, notes) = (vec![job], vec![note.weighing(Weight::Warning)]);
+        Ok(store.write(&Change { jobs, notes, ..Change::default() }, now())?)
     }
 
     /// What came before the gateway was killed is on the disk as failed: the job that it belongs

@@ -31,6 +31,8 @@ pub(super) struct Delivery {
     pub(super) is_woken: bool,
     /// The disk refused; when it is tried again.
     pub(super) retry_at: Option<std::time::Instant>,
+    /// That was told.
+    pub(super) is_told: bool,
     /// Read, and not yet written.
     pending: Vec<u8>,
     written: u64,
@@ -70,6 +72,12 @@ pub(super) enum NotPutAway {
     Write { link: String, error: io::Error },
 }
 
+/// What of a delivery is lost that was given up.
+pub(super) struct Loss {
+    pub(super) job: Option<JobId>,
+    pub(super) bytes: u64,
+}
+
 /// What a delivery waits for.
 pub(super) enum Next {
     /// Being woken.
@@ -95,6 +103,7 @@ impl Delivery {
             end: None,
             is_woken: true,
             retry_at: None,
+            is_told: false,
             pending: Vec::new(),
             written: 0,
             stage: Stage::New,
@@ -111,7 +120,12 @@ impl Delivery {
         self.is_woken = true;
     }
 
-    /// Goes as far as it can. `is_last`: it cannot be tried again, so that what was taken of the
+    /// Its unit has all of it, and says it again to the next gateway.
+    pub(super) fn is_in_unit(&self) -> bool {
+        self.unit.is_some() && matches!(self.stage, Stage::New | Stage::Numbered(_))
+    }
+
+    /// Goes as far as it can. `is_last`: the gateway ends, so that what was taken of the
     /// machine is put away whatever the quotas say; it is no more than the room for deliveries.
     pub(super) fn work(
         &mut self,
@@ -124,18 +138,10 @@ impl Delivery {
             if self.is_stored(stores)? {
                 return Ok(Next::Over);
             }
-            let job = if let Some(job) = self.answers {
-                job
-            } else {
-                if !is_last {
-                    stores.quotas.begin(&self.link, stores.jobs.today(&self.link))?;
-                }
-                let job = stores.jobs.receive(&self.link)?;
-                let id = job.id;
-                tell(ReceptionWriterNews::Begun(Box::new(job)));
-                id
-            };
-            self.stage = Stage::Numbered(job.0);
+            if !is_last && self.answers.is_none() {
+                stores.quotas.begin(&self.link, stores.jobs.today(&self.link))?;
+            }
+            self.stage = Stage::Numbered(self.number(stores, tell)?);
         }
         if let Stage::Numbered(job) = self.stage {
             let arrival = stores.receptions.begin(&self.place, JobId(job))?;
@@ -149,6 +155,21 @@ impl Delivery {
         self.keep();
         self.write_down(stores, tell)?;
         Ok(Next::Over)
+    }
+
+    /// The job that it belongs to: its own, if it answers none.
+    fn number(
+        &self,
+        stores: &Stores,
+        tell: &mut dyn FnMut(ReceptionWriterNews),
+    ) -> Result<u32, JobsError> {
+        if let Some(job) = self.answers {
+            return Ok(job.0);
+        }
+        let job = stores.jobs.receive(&self.link)?;
+        let number = job.id.0;
+        tell(ReceptionWriterNews::Begun(Box::new(job)));
+        Ok(number)
     }
 
     /// Its unit has said it before, to another lane of the link, and it is stored since.
@@ -215,6 +236,62 @@ impl Delivery {
             }
         };
         self.stage = Stage::Kept(job, arrived, reason);
+    }
+
+    /// What is not on the disk by now does not get there. Its job says so, where that can be
+    /// written down.
+    pub(super) fn give_up(
+        &mut self,
+        stores: &Stores,
+        buffer: &mut [u8],
+        why: &NotPutAway,
+        tell: &mut dyn FnMut(ReceptionWriterNews),
+    ) -> Loss {
+        let mut bytes = std::mem::take(&mut self.pending).len() as u64;
+        let is_of_unit = self.unit.is_some();
+        // What was not read of a unit's is in the unit yet.
+        while !is_of_unit && let Drawn::Bytes(count) = self.bytes.read(buffer) {
+            bytes += count as u64;
+        }
+        let what = if bytes > 0 {
+            format!("{why}; {bytes} bytes of it are lost")
+        } else {
+            why.to_string()
+        };
+        let (name, written) = (self.name.clone(), self.written);
+        let kept = |job, arrived: Option<Arrived>| {
+            let nothing = Arrived { path: None, name: name.clone(), bytes: written };
+            Stage::Kept(job, arrived.unwrap_or(nothing), Some(Reason::new("disk", what)))
+        };
+        if !matches!(self.stage, Stage::Kept(..)) {
+            // It is not stored, whatever its end was.
+            self.unit = None;
+        }
+        self.stage = match std::mem::replace(&mut self.stage, Stage::Over) {
+            Stage::New if !is_of_unit => match self.number(stores, tell) {
+                Ok(job) => kept(job, None),
+                Err(error) => {
+                    tracing::error!(link = self.link, %error, "no job says what is lost");
+                    Stage::Over
+                }
+            },
+            Stage::Numbered(job) => kept(job, None),
+            Stage::Coming(job, arrival) => {
+                kept(job, arrival.end(name.as_deref(), Mark::Failed).ok())
+            }
+            stage @ (Stage::New | Stage::Kept(..) | Stage::Over) => stage,
+        };
+        let job = if let Stage::Kept(job, ..) = &self.stage { Some(JobId(*job)) } else { None };
+        if let Err(error) = self.write_down(stores, tell) {
+            let (link, error) = (&self.link, error.to_string());
+            tracing::error!(
+                link,
+                job = job.map(|job| job.0),
+                error,
+                "a job does not know its file"
+            );
+        }
+        Loss { job, bytes }
     }
 
     fn reason(&self) -> Option<Reason> {

@@ -2,7 +2,8 @@
 //! is on the disk under its name, and not before.
 //!
 //! When the disk takes nothing, or a quota is reached, nothing is read either: the buffer fills, and
-//! the plug-in holds the machine. It is tried again until there is room.
+//! the plug-in holds the machine. It is tried again until there is room, also while the gateway
+//! stops, unless somebody gives it up.
 
 mod delivery;
 
@@ -21,7 +22,7 @@ use softplug_live::units::StoredDelivery;
 use crate::jobs::{Job, Jobs};
 use crate::programs::{Quotas, Receptions, Snapshots};
 use crate::wakes::{SLOTS, Wakes};
-use delivery::{Delivery, Next};
+use delivery::{Delivery, Loss, Next};
 
 /// What the disk would not do is tried again after this.
 const AGAIN: Duration = Duration::from_millis(500);
@@ -64,9 +65,26 @@ pub enum ReceptionWriterNews {
         /// The link.
         link: String,
     },
+    /// It was given up, and this much of it is nowhere.
+    Lost {
+        /// The link.
+        link: String,
+        /// Its job, if it has one.
+        job: Option<JobId>,
+        /// Bytes.
+        bytes: u64,
+        /// Why it could not be put away.
+        why: String,
+    },
+    /// The writer has no more to do with a delivery that it took, whatever became of it.
+    Over {
+        /// The link.
+        link: String,
+    },
 }
 
-/// The thread, until it is dropped. What is under way then is kept as failed.
+/// The thread, until it is dropped. What is under way then is kept as failed, and what cannot be put
+/// away at once is given up.
 #[derive(Debug)]
 pub struct ReceptionWriter {
     requests: Option<Sender<Request>>,
@@ -79,6 +97,8 @@ enum Request {
     Name { lane: LaneId, delivery: DeliveryId, name: String },
     End { lane: LaneId, delivery: DeliveryId, failure: Option<Failure>, status: u16, bytes: u64 },
     Lose(LaneId),
+    Finish,
+    GiveUp,
 }
 
 impl ReceptionWriter {
@@ -98,7 +118,7 @@ impl ReceptionWriter {
         let thread = thread.spawn(move || {
             let wakes = Wakes::new(thread::current());
             let stores = Stores { jobs, receptions, snapshots, quotas };
-            Worker { stores, tell, wakes, links: Vec::new() }.run(&requests);
+            Worker { stores, tell, wakes, links: Vec::new(), is_last: false }.run(&requests);
         })?;
         Ok(Self { requests: Some(sender), thread: Some(thread) })
     }
@@ -128,6 +148,22 @@ impl ReceptionWriter {
     /// The lane, or its plug-in, has ended: so have its deliveries.
     pub fn lose(&self, lane: LaneId) {
         self.request(Request::Lose(lane));
+    }
+
+    /// The gateway ends: nothing more comes. What is there is put away whatever the quotas say, and
+    /// tried again until there is room for it; what waits for that is told once more.
+    pub fn finish(&self) {
+        self.request(Request::Finish);
+    }
+
+    /// As [`finish`](Self::finish), and what cannot be put away at once is lost.
+    pub fn give_up(&self) {
+        self.request(Request::GiveUp);
+    }
+
+    /// The thread has ended: no more news comes.
+    pub fn has_ended(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     fn request(&self, request: Request) {
@@ -162,6 +198,8 @@ struct Worker<T> {
     tell: T,
     wakes: Arc<Wakes>,
     links: Vec<Option<Place>>,
+    /// The gateway ends.
+    is_last: bool,
 }
 
 /// What one link brought, in its order: only the first is put away, so that a link takes one
@@ -175,6 +213,13 @@ impl Place {
     fn first(&mut self) -> Option<&mut Delivery> {
         self.deliveries.front_mut()
     }
+
+    /// Leaves the first one, which is over; whether that was the last one too.
+    fn leave_first(&mut self, tell: &mut dyn FnMut(ReceptionWriterNews)) -> bool {
+        self.deliveries.pop_front();
+        tell(ReceptionWriterNews::Over { link: self.link.clone() });
+        self.deliveries.is_empty()
+    }
 }
 
 impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
@@ -184,7 +229,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
             let mut is_over = false;
             loop {
                 match requests.try_recv() {
-                    Ok(request) => self.handle(request),
+                    Ok(request) => self.handle(request, &mut buffer),
                     Err(TryRecvError::Empty) => break,
                     Err(TryRecvError::Disconnected) => {
                         is_over = true;
@@ -193,7 +238,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                 }
             }
             if is_over {
-                return self.clear_up(&mut buffer);
+                return self.clear_up(&mut buffer, true);
             }
             for slot in self.wakes.take() {
                 let place = self.links.get_mut(slot).and_then(Option::as_mut);
@@ -212,7 +257,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
         }
     }
 
-    fn handle(&mut self, request: Request) {
+    fn handle(&mut self, request: Request, buffer: &mut [u8]) {
         match request {
             Request::Take(incoming) => self.take_on(*incoming),
             Request::Name { lane, delivery, name } => {
@@ -230,6 +275,20 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                     delivery.end(Some(Failure::Interrupted), 0, None);
                 }
             }
+            Request::Finish => self.finish(),
+            Request::GiveUp => self.clear_up(buffer, false),
+        }
+    }
+
+    /// Nothing more comes, and what has not come is missing.
+    fn finish(&mut self) {
+        self.is_last = true;
+        let now = Instant::now();
+        for delivery in self.links.iter_mut().flatten().flat_map(|place| &mut place.deliveries) {
+            delivery.end(Some(Failure::Interrupted), 0, None);
+            delivery.is_told = false;
+            // No quota holds it up any more.
+            delivery.retry_at = delivery.retry_at.map(|at| at.min(now));
         }
     }
 
@@ -252,6 +311,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
         let slot = slot.unwrap_or(self.links.len());
         if slot >= SLOTS {
             tracing::error!(link = incoming.link, "too many links receive at once, one is dropped");
+            (self.tell)(ReceptionWriterNews::Over { link: incoming.link });
             return;
         }
         incoming.bytes.wake_with(self.wakes.waker(slot));
@@ -266,7 +326,11 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
         for delivery in &mut place.deliveries {
             delivery.end(Some(Failure::Interrupted), 0, None);
         }
-        place.deliveries.push_back(Delivery::new(incoming));
+        let mut delivery = Delivery::new(incoming);
+        if self.is_last {
+            delivery.end(Some(Failure::Interrupted), 0, None);
+        }
+        place.deliveries.push_back(delivery);
     }
 
     /// Gives each its turn; tells when the first of those that the disk refused is tried again.
@@ -280,58 +344,61 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                 continue;
             }
             delivery.is_woken = false;
-            match delivery.work(&self.stores, buffer, false, &mut self.tell) {
+            let is_over = match delivery.work(&self.stores, buffer, self.is_last, &mut self.tell) {
                 Ok(next) => {
+                    delivery.is_told = false;
                     if delivery.retry_at.take().is_some() {
                         (self.tell)(ReceptionWriterNews::GoesOn { link: delivery.link.clone() });
                     }
-                    match next {
-                        Next::Woken => {}
-                        Next::Again => delivery.is_woken = true,
-                        Next::Over => {
-                            let place = slot.as_mut();
-                            let rest = place.map_or(0, |place| {
-                                place.deliveries.pop_front();
-                                place.deliveries.len()
-                            });
-                            if rest == 0 {
-                                *slot = None;
-                            }
-                        }
-                    }
+                    delivery.is_woken |= matches!(next, Next::Again);
+                    matches!(next, Next::Over)
+                }
+                Err(why) if self.is_last && delivery.is_in_unit() => {
+                    delivery.give_up(&self.stores, buffer, &why, &mut self.tell);
+                    true
                 }
                 Err(error) => {
-                    if delivery.retry_at.is_none() {
+                    if !std::mem::replace(&mut delivery.is_told, true) {
                         let (link, why) = (delivery.link.clone(), error.to_string());
                         (self.tell)(ReceptionWriterNews::Stuck { link, why });
                     }
                     let at = now + AGAIN;
                     delivery.retry_at = Some(at);
                     retry = Some(retry.map_or(at, |first| first.min(at)));
+                    false
                 }
+            };
+            if is_over && slot.as_mut().is_some_and(|place| place.leave_first(&mut self.tell)) {
+                *slot = None;
             }
         }
         retry
     }
 
-    /// The gateway ends: what has not come is missing.
-    fn clear_up(mut self, buffer: &mut [u8]) {
-        let links = std::mem::take(&mut self.links);
-        for mut delivery in links.into_iter().flatten().flat_map(|place| place.deliveries) {
-            delivery.end(Some(Failure::Interrupted), 0, None);
-            loop {
-                match delivery.work(&self.stores, buffer, true, &mut self.tell) {
-                    Ok(Next::Again) => {}
-                    Ok(Next::Woken | Next::Over) => break,
-                    Err(error) => {
-                        tracing::error!(
-                            link = delivery.link,
-                            error = error.to_string(),
-                            "a reception could not be put away"
-                        );
-                        break;
+    /// The last attempt: what cannot be put away now is given up. `is_alone`: nobody hears of it.
+    fn clear_up(&mut self, buffer: &mut [u8], is_alone: bool) {
+        self.finish();
+        for mut place in std::mem::take(&mut self.links).into_iter().flatten() {
+            while let Some(delivery) = place.first() {
+                let why = loop {
+                    match delivery.work(&self.stores, buffer, true, &mut self.tell) {
+                        Ok(Next::Again) => {}
+                        Ok(Next::Woken | Next::Over) => break None,
+                        Err(why) => break Some(why),
+                    }
+                };
+                if let Some(why) = why {
+                    let loss = delivery.give_up(&self.stores, buffer, &why, &mut self.tell);
+                    let (link, why) = (delivery.link.clone(), why.to_string());
+                    let Loss { job, bytes } = loss;
+                    if is_alone {
+                        tracing::error!(link, bytes, why, "a reception could not be put away");
+                    }
+                    if bytes > 0 {
+                        (self.tell)(ReceptionWriterNews::Lost { link, job, bytes, why });
                     }
                 }
+                place.leave_first(&mut self.tell);
             }
         }
     }

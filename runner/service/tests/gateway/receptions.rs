@@ -3,12 +3,13 @@
 use softplug_abi::JobId;
 use std::io::Read;
 
+use softplug_live::store::Mark;
 use softplug_service::jobs::{Jobs, Keep};
 use softplug_service::programs::Receptions;
 use softplug_service::view::{JobFilter, JobState, ReceptionView, StopHow};
 
-use crate::gateway::send;
 use crate::gateway::shop::{Shop, wait_for};
+use crate::gateway::{journal_says, send};
 
 #[test]
 fn what_a_machine_sends_is_kept_in_versions_compared_and_never_overwritten() {
@@ -96,4 +97,39 @@ fn what_came_before_a_kill_belongs_to_a_job() {
     shop.stopped();
     shop.start();
     assert_eq!(shop.gateway().receptions(&link).unwrap(), all);
+}
+
+#[test]
+fn of_what_was_lost_with_a_gateway_that_was_killed_the_next_start_says_so() {
+    let mut shop = Shop::with(2, "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n");
+    shop.gateway().stop(StopHow::Park);
+    shop.stopped();
+    let (link, other) = (Shop::name(0), Shop::name(1));
+    let (kept, lost, unknown) = {
+        let (jobs, _) = Jobs::open(&shop.path("state"), Keep::default()).unwrap();
+        let receptions = Receptions::open(&shop.path("state/receptions")).unwrap();
+        let begun = |link: &str| jobs.receive(link).unwrap().id;
+        let (kept, empty, none, unknown) =
+            (begun(&link), begun(&link), begun(&link), begun(&other));
+        let mut arrival = receptions.begin(&link, kept).unwrap();
+        arrival.write(b"%\nO1\nN10").unwrap();
+        std::mem::forget((arrival, receptions.begin(&link, empty).unwrap()));
+        // Of this one the file has its name, and the job was not told.
+        let mut arrival = receptions.begin(&other, unknown).unwrap();
+        arrival.write(b"%\nO2\nM30").unwrap();
+        arrival.end(None, Mark::Complete).unwrap();
+        (kept, [empty, none], unknown)
+    };
+    shop.start();
+    let gateway = shop.gateway();
+    let why = |job| gateway.job(job).unwrap().message.unwrap();
+    for job in lost {
+        assert!(why(job).ends_with("; nothing of it is on the disk"), "{}", why(job));
+    }
+    for job in [kept, unknown] {
+        assert_eq!(why(job), "the gateway ended in the middle of it");
+    }
+    let said = "4 jobs were interrupted, 0 wait, 1 receptions were kept as failed, 2 were lost with \
+                the gateway: nothing of them is on the disk";
+    wait_for("the journal", || journal_says(gateway, said));
 }

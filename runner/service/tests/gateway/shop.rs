@@ -121,10 +121,13 @@ impl Shop {
         });
     }
 
-    /// Waits for the end of a stop.
-    pub(crate) fn stopped(&mut self) {
+    /// Waits for the end of a stop; how many bytes of receptions it gave up.
+    pub(crate) fn stopped(&mut self) -> u64 {
         let running = self.running.take().unwrap();
+        running.wait_for_stop();
+        let lost = running.lost();
         running.wait();
+        lost
     }
 
     pub(crate) fn gateway(&self) -> &Gateway {
@@ -242,6 +245,8 @@ impl Drop for Shop {
                 }
                 sleep(Duration::from_millis(5));
             }
+            // What cannot be put away would hold it up for ever.
+            running.gateway().stop(StopHow::Park);
             running.wait();
         }
     }

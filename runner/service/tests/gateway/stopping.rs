@@ -1,8 +1,10 @@
-//! Stops: jobs are parked, or finished first.
+//! Stops: jobs are parked, or finished first, and what was received is put away.
 
 use softplug_abi::JobId;
+use std::fs;
+
 use softplug_service::Refusal;
-use softplug_service::view::{JobState, StopHow};
+use softplug_service::view::{JobFilter, JobState, StopHow};
 
 use crate::gateway::shop::{Shop, wait_for};
 use crate::gateway::{journal_says, send};
@@ -73,4 +75,66 @@ fn who_is_tired_of_waiting_stops_again_and_the_job_is_parked() {
     drop(gateway);
     shop.start();
     assert_eq!(shop.gateway().job(JobId(job.id)).unwrap().state, JobState::Interrupted);
+}
+
+/// A machine that ends what it sends by being quiet.
+const TAPE: &str = "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n\
+                    settings = { preset = \"tape\", quiet-time = 300, end-quiet = 50 }\n";
+const SENT: &[u8] = b"%\nO7\nN10 G1 X1\nM30\n%\n";
+
+/// A link that has received something which cannot be put away: a file is where its folder should be.
+fn stuck() -> Shop {
+    let shop = Shop::with(1, TAPE);
+    fs::write(shop.path("state/receptions").join(Shop::name(0)), "in the way").unwrap();
+    shop.write(0, SENT);
+    wait_for("the refusal", || journal_says(shop.gateway(), "; the machine is held"));
+    let idle = || shop.gateway().link(&Shop::name(0)).unwrap().receiving.is_none();
+    wait_for("the end of what comes", idle);
+    shop
+}
+
+#[test]
+fn a_stop_waits_until_what_was_received_is_put_away() {
+    let mut shop = stuck();
+    let link = Shop::name(0);
+    let gateway = shop.gateway().clone();
+    let refusal = gateway.make_way().unwrap_err();
+    let text = format!("what {link} received is not put away yet");
+    assert!(matches!(&refusal, Refusal::Conflict(why) if why.contains(&text)), "{refusal}");
+    gateway.stop(StopHow::Park);
+    wait_for("the reason", || journal_says(&gateway, "once more to give it up"));
+    fs::remove_file(shop.path("state/receptions").join(&link)).unwrap();
+    assert_eq!(shop.stopped(), 0);
+    drop(gateway);
+    shop.start();
+    let receptions = shop.gateway().receptions(&link).unwrap();
+    let [reception] = &receptions[..] else { panic!("{receptions:?}") };
+    assert_eq!((&*reception.file, &reception.failure), ("O7", &None));
+    assert_eq!(fs::read(shop.path("state/receptions").join(&link).join("O7")).unwrap(), SENT);
+    assert!(journal_says(
+        shop.gateway(),
+        "0 jobs were interrupted, 0 wait, 0 receptions were kept"
+    ));
+}
+
+#[test]
+fn who_stops_again_gives_up_what_cannot_be_put_away_and_is_told_what_is_lost() {
+    let mut shop = stuck();
+    let gateway = shop.gateway().clone();
+    gateway.stop(StopHow::Finish);
+    wait_for("the reason", || journal_says(&gateway, "once more to give it up"));
+    gateway.stop(StopHow::Park);
+    assert_eq!(shop.stopped(), SENT.len() as u64);
+    drop(gateway);
+    fs::remove_file(shop.path("state/receptions").join(Shop::name(0))).unwrap();
+    shop.start();
+    let gateway = shop.gateway();
+    let lost = format!("{} bytes that \"{}\" received are lost", SENT.len(), Shop::name(0));
+    assert!(journal_says(gateway, &lost));
+    let jobs = gateway.jobs(&JobFilter::default()).unwrap();
+    let [job] = &jobs[..] else { panic!("{jobs:?}") };
+    let reason = job.message.as_ref().unwrap();
+    let is_told = reason.ends_with(&format!("{} bytes of it are lost", SENT.len()));
+    assert!(job.state == JobState::Failed && is_told, "{job:?}");
+    assert!(journal_says(gateway, "0 jobs were interrupted, 0 wait, 0 receptions were kept"));
 }

@@ -17,9 +17,10 @@ use clap::{Args, Subcommand, ValueEnum};
   softplug gateway run gateway.toml
   softplug gateway token --name page --role operator >> tokens.toml
 
-SIGTERM and SIGINT stop it: jobs are parked or finished, as the configuration says; a second one
-parks what is being finished, one more ends it at once. SIGHUP reads the configuration again.
-SIGUSR2 puts a newer command in its place, unless a link is busy.")]
+SIGTERM and SIGINT stop it: jobs are parked or finished, as the configuration says, and what
+machines sent is put away. Said again, what is being finished is parked, then what cannot be put
+away is given up; one more ends it at once. SIGHUP reads the configuration again. SIGUSR2 puts a
+newer command in its place, unless a link is busy or what it received is not put away yet.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) verb: Verb,

@@ -109,3 +109,21 @@ fn a_log_that_cannot_be_written_ends_nothing() {
     kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0));
 }
+
+#[test]
+fn a_second_signal_gives_up_what_cannot_be_put_away() {
+    let pty = PtyPair::open().unwrap();
+    let tape = "settings = { preset = \"tape\", quiet-time = 300, end-quiet = 50 }\n";
+    let bench = bench(&(link("lathe", pty.slave_path().to_str().unwrap()) + tape));
+    token(&bench);
+    bench.write("state/receptions/lathe", "in the way");
+    let gateway = Gateway::start(&bench);
+    assert_eq!(pty.write(b"%\nO7\nM30\n%\n").unwrap(), 11);
+    gateway.until_log_says("; the machine is held");
+    gateway.signal(Signal::TERM);
+    gateway.until_log_says("once more to give it up");
+    gateway.signal(Signal::TERM);
+    let (code, log) = gateway.end();
+    assert_eq!(code, Some(5), "{log}");
+    assert!(log.contains("received are lost") && log.contains("11 bytes"), "{log}");
+}

@@ -167,7 +167,16 @@ fn serve(file: &Path, global: &Global, screen: &Screen) -> Result<Exit, Failure>
     if let Some(server) = server {
         server.stop(GRACE);
     }
+    let lost = running.lost();
     running.wait();
+    if lost > 0 {
+        let text = format_args!(
+            "stopped; {lost} bytes that machines had sent are lost: they could not be put away"
+        );
+        let hint =
+            "softplug journal --at-least alarm says what of which link, once the gateway runs";
+        return Err(Failure::new(Exit::Incomplete, text).hint(hint));
+    }
     if is_replaced.load(Ordering::Relaxed) {
         let error = match executable {
             Ok(executable) => takeover::replace(&executable, &kept),
@@ -219,13 +228,16 @@ fn heed(mut signals: Signals, gateway: Gateway, how: StopHow, is_replaced: Arc<A
                 }
                 continue;
             }
+            // Nobody takes its place.
+            is_replaced.store(false, Ordering::Relaxed);
             stops += 1;
             match (stops, how) {
                 (1, how) => {
                     systemd::stopping();
                     gateway.stop(how);
                 }
-                (2, StopHow::Finish) => gateway.stop(StopHow::Park),
+                // What jobs are finished for, and then what cannot be put away, is given up in turn.
+                (2, _) | (3, StopHow::Finish) => gateway.stop(StopHow::Park),
                 _ => process::exit(Exit::Incomplete.code().into()),
             }
         }
