@@ -11,7 +11,7 @@ use softplug_abi::{Action, DeliveryId, Failure, JobId, Micros, ModemLines, NoteL
 /// Something that a plug-in was seen to do.
 ///
 /// The example of [`Recorder`] shows one.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Hash, Debug)]
 pub enum Observed {
     /// A character on the wire.
     Byte(u8),
@@ -76,7 +76,7 @@ pub enum Observed {
 /// A delivery with all its bytes.
 ///
 /// The example of [`Recorder`] shows one.
-#[derive(Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, PartialEq, Eq, Hash, Debug, Default)]
 pub struct Delivery {
     /// The plug-in's id for it.
     pub id: DeliveryId,

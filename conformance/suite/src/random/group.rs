@@ -1,6 +1,7 @@
 //! Some sessions of a profile, run against one plug-in.
 
 use super::Sessions;
+use super::digest::SessionsDigest;
 use super::trace;
 use crate::given::ledger::Ledger;
 use crate::run::class::Class;
@@ -10,7 +11,6 @@ use crate::run::seen::Seen;
 use crate::run::subject::{Fuel, Subject};
 use crate::run::watched::{Meter, Watched};
 use data_encoding::HEXLOWER;
-use sha2::{Digest as _, Sha256};
 use softplug_models::{Effect, Finding, Profile, Ran, Session};
 use softplug_report::Level;
 use softplug_trace::Trace;
@@ -151,7 +151,7 @@ impl SessionGroup {
         is_over: &dyn Fn() -> bool,
     ) -> Option<GroupRun> {
         let mut group = GroupRun::default();
-        let mut digest = Sha256::new();
+        let mut digest = SessionsDigest::default();
         for number in sessions.numbers(self.number) {
             if is_over() {
                 return None;
@@ -163,8 +163,7 @@ impl SessionGroup {
             group.fuel.largest = group.fuel.largest.max(run.fuel.largest);
             let told = run.ran.observed.iter();
             let told = told.map(|(at, observed)| (at, Effect::of(observed, subject.manifest())));
-            let told = told.filter_map(|(at, effect)| Some((at, effect?)));
-            digest.update(format!("{:?}\n", told.collect::<Vec<_>>()));
+            digest.put(told.filter_map(|(at, effect)| Some((*at, effect?))));
             if self.is_failed(&run, features) {
                 group.failures.push(self.failed(subject, run, number));
                 if group.failures.len() == FAILURES {
@@ -173,7 +172,7 @@ impl SessionGroup {
             }
         }
         let verdict = if group.failures.is_empty() { "passed" } else { "failed" };
-        group.pure = format!("{}\n{verdict}\n{}\n", self.id, HEXLOWER.encode(&digest.finalize()));
+        group.pure = format!("{}\n{verdict}\n{}\n", self.id, HEXLOWER.encode(&digest.finish()));
         Some(group)
     }
 

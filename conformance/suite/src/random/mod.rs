@@ -1,5 +1,6 @@
 //! Random sessions: what no case shows, held to the profile's model.
 
+mod digest;
 mod group;
 #[cfg(test)]
 mod tests;

@@ -11,7 +11,7 @@ use std::fmt;
 /// What a link's recorder saw, at its time.
 ///
 /// The example of [`replay`](crate::replay) shows some.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Hash, Debug)]
 pub struct Seen {
     /// When, on the trace's clock.
     pub at: Micros,
