@@ -29,6 +29,8 @@ use clap::CommandFactory;
 use std::ffi::OsStr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
+#[cfg(unix)]
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::arguments::{CommandLine, Start};
@@ -57,6 +59,7 @@ fn main() -> ExitCode {
         Screen::early(text, true, anstream::ColorChoice::Never);
         return Exit::Usage.into();
     };
+    survive_file_limits();
     // Where the system does not tell which file this is, plug-ins are compiled in this process.
     if let Ok(compiler) = CompilerProcess::this_program([COMPILE]) {
         compiler.limited(limits).install();
@@ -74,6 +77,14 @@ fn main() -> ExitCode {
         }
         Start::End(exit) => screen::conclude(exit).into(),
     }
+}
+
+/// A file that may not grow any further (`ulimit -f`) is an error of whoever writes it, as a full disk is,
+/// and does not end the process.
+fn survive_file_limits() {
+    #[cfg(unix)]
+    // What cannot be registered stays as it is.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
 }
 
 /// What compiling a plug-in may take, if so many seconds of computing are asked for; `None` if

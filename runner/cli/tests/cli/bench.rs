@@ -78,7 +78,7 @@ impl Bench {
     pub(crate) fn without_room(&self, arguments: &[&str]) -> Command {
         let asked = self.command(arguments);
         let mut command = Command::new("sh");
-        let script = "trap '' XFSZ; ulimit -f 0; exec \"$0\" \"$@\"";
+        let script = "ulimit -f 0; exec \"$0\" \"$@\"";
         command.args(["-c", script]).arg(asked.get_program()).args(asked.get_args());
         command.current_dir(self.folder.path());
         command.envs(asked.get_envs().filter_map(|(name, value)| Some((name, value?))));

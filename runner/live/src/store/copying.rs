@@ -5,11 +5,13 @@ use std::io::{self, Seek};
 use std::path::Path;
 use std::time::SystemTime;
 
+use super::is_open_for_writing;
+
 /// A file that changes while it is copied is copied again so often.
 const ATTEMPTS: usize = 3;
 
-/// Copies the file into `into`, which stands at its beginning then; how many bytes. `None`: it
-/// changes while it is copied, each time.
+/// Copies the file into `into`, which stands at its beginning then; how many bytes. `None`: somebody
+/// is writing it, or it changes while it is copied, each time.
 ///
 /// # Errors
 /// It cannot be read, or `into` not be written.
@@ -18,10 +20,10 @@ pub fn copy_at_one_moment(path: &Path, into: &mut File) -> io::Result<Option<u64
         into.set_len(0)?;
         into.rewind()?;
         let mut file = File::open(path)?;
-        let before = FileState::of(&file)?;
+        let Some(before) = FileState::at_rest(&file)? else { continue };
         let size = io::copy(&mut file, into)?;
         // Of the path: it may lead to another file by now.
-        if FileState::of(&File::open(path)?)? == before && size == before.size {
+        if FileState::at_rest(&File::open(path)?)? == Some(before) && size == before.size {
             into.rewind()?;
             return Ok(Some(size));
         }
@@ -58,6 +60,15 @@ impl FileState {
         let (size, modified) = (metadata.len(), metadata.modified().ok());
         Ok(Self { size, modified, inode: inode(&metadata) })
     }
+
+    /// As it is now; `None` while somebody is known to have it open for writing. What was at rest with
+    /// one state before and behind a copy has not changed in between.
+    ///
+    /// # Errors
+    /// The system does not say.
+    pub fn at_rest(file: &File) -> io::Result<Option<Self>> {
+        if is_open_for_writing(file) == Some(true) { Ok(None) } else { Self::of(file).map(Some) }
+    }
 }
 
 #[cfg(unix)]
@@ -88,6 +99,21 @@ mod tests {
         let mut text = String::new();
         copy.read_to_string(&mut text).unwrap();
         assert_eq!(text, "G1 X1\nG1 X2\n");
+    }
+
+    #[test]
+    fn a_file_that_is_being_written_is_not_copied_before_it_is_closed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("O1.nc");
+        let mut writer = File::create(&path).unwrap();
+        writer.write_all(b"G1 X1\n").unwrap();
+        let mut copy = tempfile::tempfile().unwrap();
+        let copied = copy_at_one_moment(&path, &mut copy).unwrap();
+        // Elsewhere than on a disk of this computer nobody knows of writers.
+        let is_known = is_open_for_writing(&File::open(&path).unwrap()).is_some();
+        assert_eq!(copied, (!is_known).then_some(6));
+        drop(writer);
+        assert_eq!(copy_at_one_moment(&path, &mut copy).unwrap(), Some(6));
     }
 
     /// Its size is said to be none, as that of a file that grows behind every look.

@@ -1,13 +1,15 @@
 //! Notices when the configuration's file is changed, or another put in its place.
 
 use std::ffi::OsString;
+use std::fs::File;
 use std::path::Path;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use notify::event::{AccessKind, AccessMode, ModifyKind};
 use notify::{Event, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
+use softplug_live::store::{FileState, is_open_for_writing};
 
 /// Editors write in several steps: the file is read when it has been left alone
 /// for so long.
@@ -15,6 +17,8 @@ const SETTLED: Duration = Duration::from_millis(300);
 /// Somebody has written into it and not closed it: it is not whole, unless the system does not tell.
 const UNCLOSED: Duration =
     if cfg!(target_os = "linux") { Duration::from_secs(30) } else { SETTLED };
+/// How often it is looked at if nothing is told of it.
+const LOOK: Duration = Duration::from_secs(2);
 
 /// What was seen of the file.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -65,22 +69,49 @@ impl FileWatch {
         // The folder, not the file: editors put another file in its place.
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
         watcher.watch(folder.unwrap_or(Path::new(".")), RecursiveMode::NonRecursive)?;
+        let (file, known) = (file.to_owned(), state(file));
         thread::Builder::new()
             .name("config-watch".to_owned())
-            .spawn(move || settle(&changes, changed))
+            .spawn(move || settle(&file, known, &changes, changed))
             .map_err(notify::Error::io)?;
         Ok(Self { _watcher: watcher })
     }
 }
 
-fn settle(changes: &Receiver<Seen>, changed: impl Fn()) {
-    while let Ok(mut seen) = changes.recv() {
-        let wait = |seen| if seen == Seen::Written { UNCLOSED } else { SETTLED };
-        while let Ok(next) = changes.recv_timeout(wait(seen)) {
-            seen = next;
+fn settle(file: &Path, mut known: Option<FileState>, changes: &Receiver<Seen>, changed: impl Fn()) {
+    loop {
+        let mut seen = match changes.recv_timeout(LOOK) {
+            Ok(seen) => seen,
+            Err(RecvTimeoutError::Timeout) if state(file) == known => continue,
+            // Through a link, or by another name of it, it changes without a word.
+            Err(RecvTimeoutError::Timeout) => Seen::Whole,
+            Err(RecvTimeoutError::Disconnected) => return,
+        };
+        let mut since = Instant::now();
+        loop {
+            match changes.recv_timeout(SETTLED) {
+                Ok(next) => (seen, since) = (next, Instant::now()),
+                Err(RecvTimeoutError::Timeout) if state(file) != known => {
+                    (known, since) = (state(file), Instant::now());
+                }
+                Err(_) if is_whole(file, seen) || since.elapsed() >= UNCLOSED => break,
+                Err(_) => {}
+            }
         }
         changed();
     }
+}
+
+/// `None`: there is none, or it cannot be read.
+fn state(file: &Path) -> Option<FileState> {
+    FileState::of(&File::open(file).ok()?).ok()
+}
+
+/// Whether nobody writes it, as far as the system tells.
+fn is_whole(file: &Path, seen: Seen) -> bool {
+    let opened = File::open(file).ok();
+    let is_open = opened.and_then(|file| is_open_for_writing(&file));
+    is_open.map_or(seen == Seen::Whole, |is_open| !is_open)
 }
 
 #[cfg(test)]
@@ -102,6 +133,41 @@ mod tests {
         writer.write_all(b"half").unwrap();
         assert!(told.recv_timeout(SETTLED * 3).is_err(), "it is not whole");
         drop(writer);
+        told.recv_timeout(Duration::from_mins(1)).unwrap();
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn what_others_do_to_a_file_that_is_being_written_does_not_make_it_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("gateway.toml");
+        let new = folder.path().join("new");
+        fs::write(&file, "a").unwrap();
+        let (to, told) = channel();
+        let _watch = FileWatch::start(&file, move || to.send(()).unwrap()).unwrap();
+        let mut writer = File::create(&new).unwrap();
+        writer.write_all(b"half").unwrap();
+        fs::rename(&new, &file).unwrap();
+        if is_open_for_writing(&File::open(&file).unwrap()).is_some() {
+            assert!(told.recv_timeout(SETTLED * 3).is_err(), "it came half");
+            File::options().append(true).open(&file).unwrap();
+            assert!(told.recv_timeout(SETTLED * 3).is_err(), "somebody else closed it");
+        }
+        drop(writer);
+        told.recv_timeout(Duration::from_mins(1)).unwrap();
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_file_behind_a_link_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let other = tempfile::tempdir().unwrap();
+        let (file, target) = (folder.path().join("gateway.toml"), other.path().join("real.toml"));
+        fs::write(&target, "a").unwrap();
+        std::os::unix::fs::symlink(&target, &file).unwrap();
+        let (to, told) = channel();
+        let _watch = FileWatch::start(&file, move || to.send(()).unwrap()).unwrap();
+        fs::write(&target, "bb").unwrap();
         told.recv_timeout(Duration::from_mins(1)).unwrap();
     }
 

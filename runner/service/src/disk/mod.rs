@@ -79,7 +79,7 @@ pub fn make_folder(folder: &Path) -> Result<(), DiskError> {
 /// They cannot be written; the file is as it was.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), DiskError> {
     let written = temporary_beside(path).and_then(|mut file| {
-        file.write_all(bytes)?;
+        file.as_file_mut().write_all(bytes)?;
         file.as_file().sync_all()?;
         file.persist(path)?;
         sync_above(path)
@@ -161,7 +161,14 @@ pub(crate) fn sweep(folder: &Path) {
 }
 
 pub(crate) fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
-    tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(above(path))
+    temporary_in(above(path))
+}
+
+/// Written through `as_file_mut`: its own errors have its name, which says nothing to anybody and is
+/// another one each time.
+fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+    let made = tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(folder);
+    made.map_err(|error| error.kind().into())
 }
 
 fn above(path: &Path) -> &Path {

@@ -10,7 +10,7 @@ use softplug_host::Digest;
 use softplug_live::store::sync_folder;
 use tempfile::NamedTempFile;
 
-use super::{DiskError, TEMPORARY, is_full, make_folder, sweep};
+use super::{DiskError, is_full, make_folder, sweep, temporary_in};
 
 /// One file in the folder.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -114,8 +114,8 @@ impl Objects {
     }
 
     fn spool(&self, from: &mut dyn Read) -> io::Result<(NamedTempFile, Object)> {
-        let mut file = tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(&self.folder)?;
-        let object = copy(from, &mut file)?;
+        let mut file = temporary_in(&self.folder)?;
+        let object = copy(from, file.as_file_mut())?;
         Ok((file, object))
     }
 }

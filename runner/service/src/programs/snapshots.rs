@@ -65,12 +65,13 @@ impl Snapshots {
     pub fn take(&self, path: &Path, name: &str) -> Result<Data, ProgramError> {
         for _ in 0..ATTEMPTS {
             let mut file = disk::open(path).map_err(DiskError::when("read", path))?;
-            let before = FileState::of(&file).map_err(DiskError::when("read", path))?;
+            let before = FileState::at_rest(&file).map_err(DiskError::when("read", path))?;
+            let Some(before) = before else { continue };
             let object = self.objects.put(&mut file)?;
             // Of the path: it may lead to another file by now.
             let now = disk::open(path).map_err(DiskError::when("read", path))?;
-            let now = FileState::of(&now).map_err(DiskError::when("read", path))?;
-            if now != before || object.size != before.size {
+            let now = FileState::at_rest(&now).map_err(DiskError::when("read", path))?;
+            if now != Some(before) || object.size != before.size {
                 continue;
             }
             return filled(object, name);
@@ -152,7 +153,9 @@ fn filled(object: Object, name: &str) -> Result<Data, ProgramError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use softplug_live::store::is_open_for_writing;
     use std::fs;
+    use std::io::Write as _;
 
     fn text(snapshots: &Snapshots, data: Data) -> String {
         let mut text = String::new();
@@ -179,6 +182,22 @@ mod tests {
         assert_eq!(snapshots.collect_garbage(needed).unwrap(), Some(5));
         assert!(snapshots.open(second).unwrap_err().is_missing());
         assert_eq!(text(&snapshots, first), "G1 X1");
+    }
+
+    #[test]
+    fn what_is_being_written_is_not_taken_before_it_is_closed() {
+        let folder = tempfile::tempdir().unwrap();
+        let snapshots = Snapshots::open_folder(&folder.path().join("snapshots")).unwrap();
+        let path = folder.path().join("O1.nc");
+        let mut writer = File::create(&path).unwrap();
+        writer.write_all(b"G1 X1").unwrap();
+        // Elsewhere than on a disk of this computer nobody knows of writers.
+        if is_open_for_writing(&File::open(&path).unwrap()).is_some() {
+            let refused = snapshots.take(&path, "O1.nc").unwrap_err();
+            assert!(matches!(refused, ProgramError::Busy(_)), "{refused}");
+        }
+        drop(writer);
+        assert_eq!(text(&snapshots, snapshots.take(&path, "O1.nc").unwrap()), "G1 X1");
     }
 
     #[test]
