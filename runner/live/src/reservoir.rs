@@ -6,6 +6,7 @@
 //! with something else and is woken: the reader as soon as there is something,
 //! the writer at the level that it named.
 
+use std::convert::Infallible;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, AtomicUsize, Ordering, fence};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::task::Waker;
@@ -256,51 +257,82 @@ impl ReservoirReader {
 
     /// Reads what is there into `buffer`, which must not be empty.
     pub fn read(&mut self, buffer: &mut [u8]) -> Drawn {
-        match self.draw(buffer) {
-            0 => self.none(buffer),
-            count => Drawn::Bytes(count),
-        }
+        let Ok(drawn) = self.look_twice(|reader| {
+            let count = reader.ring.pop_partial_slice(buffer).0.len();
+            reader.took(count);
+            Ok::<_, Infallible>(count)
+        });
+        drawn
     }
 
-    fn draw(&mut self, buffer: &mut [u8]) -> usize {
-        let (taken, _) = self.ring.pop_partial_slice(buffer);
-        let count = taken.len();
-        if count > 0 {
-            let shared = &self.shared;
-            shared.read.fetch_add(count as u64, Ordering::Release);
-            let level = shared.level();
-            if shared.ending.load(Ordering::Relaxed) == OPEN {
-                shared.lowest.fetch_min(level, Ordering::Relaxed);
-                if self.was_above_low && level < shared.low {
-                    shared.below_low.fetch_add(1, Ordering::Relaxed);
-                }
+    /// Hands what is there to `put`, of which the reader takes at most `most` bytes, at least 1, at one time.
+    /// They count as read, and leave the buffer, when it has succeeded.
+    ///
+    /// # Errors
+    /// That of `put`.
+    pub fn read_into<E>(
+        &mut self,
+        most: usize,
+        mut put: impl FnMut(&[u8]) -> Result<(), E>,
+    ) -> Result<Drawn, E> {
+        self.look_twice(|reader| {
+            let there = reader.ring.slots().min(most);
+            let Ok(chunk) = reader.ring.read_chunk(there) else { return Ok(0) };
+            let bytes = chunk.as_slices().0;
+            let count = bytes.len();
+            if count > 0 {
+                put(bytes)?;
+                chunk.commit(count);
+                reader.took(count);
             }
-            self.was_above_low = level >= shared.low;
-            shared.wake_writer(level);
-        }
-        count
+            Ok(count)
+        })
     }
 
-    /// Nothing was there: asks to be woken, looks again, and tells why.
-    fn none(&mut self, buffer: &mut [u8]) -> Drawn {
+    fn took(&mut self, count: usize) {
+        if count == 0 {
+            return;
+        }
+        let shared = &self.shared;
+        shared.read.fetch_add(count as u64, Ordering::Release);
+        let level = shared.level();
+        if shared.ending.load(Ordering::Relaxed) == OPEN {
+            shared.lowest.fetch_min(level, Ordering::Relaxed);
+            if self.was_above_low && level < shared.low {
+                shared.below_low.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        self.was_above_low = level >= shared.low;
+        shared.wake_writer(level);
+    }
+
+    /// Draws. Where nothing was there: asks to be woken, looks again, and tells why.
+    fn look_twice<E>(
+        &mut self,
+        mut draw: impl FnMut(&mut Self) -> Result<usize, E>,
+    ) -> Result<Drawn, E> {
+        let count = draw(self)?;
+        if count > 0 {
+            return Ok(Drawn::Bytes(count));
+        }
         self.shared.reader_waits.store(true, Ordering::SeqCst);
         fence(Ordering::SeqCst);
         // First how it ended, then the rest: the other way round bytes that
         // were written in between would be left behind.
         let ending = self.shared.ending.load(Ordering::SeqCst);
-        let count = self.draw(buffer);
+        let count = draw(self)?;
         if count > 0 {
             self.shared.reader_waits.store(false, Ordering::SeqCst);
-            return Drawn::Bytes(count);
+            return Ok(Drawn::Bytes(count));
         }
-        match ending {
+        Ok(match ending {
             FINISHED => Drawn::End,
             FAILED => Drawn::Failed,
             _ => {
                 self.shared.found_empty.fetch_add(1, Ordering::Relaxed);
                 Drawn::Later
             }
-        }
+        })
     }
 
     /// Why the source failed, if it did.
@@ -456,6 +488,25 @@ mod tests {
         drop(writer);
         assert_eq!(reader.read(&mut buffer), Drawn::Bytes(1));
         assert_eq!(reader.read(&mut buffer), Drawn::Failed);
+    }
+
+    #[test]
+    fn what_could_not_be_put_anywhere_is_not_read() {
+        let (mut writer, mut reader) = reservoir(8, 0, 8);
+        writer.write(b"abc");
+        assert_eq!(reader.read_into(8, |_| Err("full")), Err("full"));
+        assert_eq!((reader.level(), writer.consumed()), (3, 0));
+        let mut got = Vec::new();
+        let mut put = |bytes: &[u8]| {
+            got.extend_from_slice(bytes);
+            Ok::<_, &str>(())
+        };
+        assert_eq!(reader.read_into(2, &mut put), Ok(Drawn::Bytes(2)));
+        assert_eq!(writer.consumed(), 2);
+        writer.write(b"defgh");
+        writer.finish();
+        while let Ok(Drawn::Bytes(_)) = reader.read_into(8, &mut put) {}
+        assert_eq!(got, b"abcdefgh");
     }
 
     #[test]

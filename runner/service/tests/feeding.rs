@@ -12,7 +12,7 @@ use softplug_live::reactor::LaneId;
 use softplug_live::reservoir::{Drawn, ReservoirReader, reservoir};
 use softplug_live::units::StoredDelivery;
 use softplug_service::feeder::{Feeder, Feeding, Pace, Stream};
-use softplug_service::jobs::{Data, Ending, Extent, JobSpec, Jobs, Keep, Kind, State};
+use softplug_service::jobs::{Data, Ending, Extent, FromUnit, JobSpec, Jobs, Keep, Kind, State};
 use softplug_service::programs::{Quota, Quotas, Receptions, Snapshots};
 use softplug_service::reception_writer::{Incoming, ReceptionWriter, ReceptionWriterNews};
 
@@ -323,15 +323,15 @@ fn a_delivery_that_waits_for_a_quota_and_is_said_again_is_kept_once() {
     quotas.set(BTreeMap::from([("mill".to_owned(), none)]));
     let (reception_writer, news) = shop.reception_writer_within(quotas.clone());
     let said = StoredDelivery { unit: 7, delivery: DeliveryId(1) };
-    let say = |lane: u32, text: &[u8]| {
+    let say = |lane: u32, link: &str, text: &[u8]| {
         let (mut writer, bytes) = reservoir(64, 0, 64);
         reception_writer.take(Incoming {
             lane: LaneId(lane),
-            link: "mill".to_owned(),
+            link: link.to_owned(),
             place: "mill".to_owned(),
             delivery: said.delivery,
             job: None,
-            unit: Some(said),
+            unit: Some(FromUnit { port: "unit://10.0.0.17:7640/mill".to_owned(), said }),
             bytes,
         });
         assert_eq!(writer.write(text), text.len());
@@ -339,14 +339,14 @@ fn a_delivery_that_waits_for_a_quota_and_is_said_again_is_kept_once() {
         reception_writer.end(LaneId(lane), said.delivery, None, 0, text.len() as u64);
         writer
     };
-    let first = say(1, b"O1 M30");
+    let first = say(1, "mill", b"O1 M30");
     let ReceptionWriterNews::Stuck { .. } = news.recv_timeout(Duration::from_mins(1)).unwrap()
     else {
         panic!("the quota is reached")
     };
-    // Its lane is closed, and another one opened.
+    // Its lane is closed, and another one opened, of a link that is called otherwise now.
     reception_writer.lose(LaneId(1));
-    let again = say(2, b"O1 M30");
+    let again = say(2, "mill-2", b"O1 M30");
     assert!(!first.is_abandoned() && !again.is_abandoned());
     quotas.set(BTreeMap::new());
     while !again.is_abandoned() {
@@ -357,7 +357,10 @@ fn a_delivery_that_waits_for_a_quota_and_is_said_again_is_kept_once() {
     let kept: Vec<_> =
         news.iter().filter(|news| matches!(news, ReceptionWriterNews::Kept(_))).collect();
     assert_eq!((kept.len(), shop.receptions.list("mill").unwrap().len()), (1, 1), "{kept:?}");
-    assert_eq!(shop.jobs.reader().stored_delivery("mill").unwrap(), Some(said));
+    assert_eq!(
+        shop.jobs.reader().stored_delivery("unit://10.0.0.17:7640/mill").unwrap(),
+        Some(said)
+    );
 }
 
 #[test]
@@ -365,20 +368,21 @@ fn of_a_delivery_that_is_given_up_the_unit_has_the_rest() {
     let shop = Shop::new();
     let (reception_writer, news) = shop.reception_writer();
     let (mut writer, bytes) = reservoir(64, 0, 64);
+    let said = StoredDelivery { unit: 7, delivery: DeliveryId(1) };
     reception_writer.take(Incoming {
         lane: LaneId(1),
         link: "mill".to_owned(),
         place: "mill".to_owned(),
-        delivery: DeliveryId(1),
+        delivery: said.delivery,
         job: None,
-        unit: Some(StoredDelivery { unit: 7, delivery: DeliveryId(1) }),
+        unit: Some(FromUnit { port: "unit://10.0.0.17:7640/mill".to_owned(), said }),
         bytes,
     });
     writer.write(b"O1 half");
     drop(writer);
     reception_writer.lose(LaneId(1));
     assert_eq!(kept(&news).state, State::Failed);
-    assert_eq!(shop.jobs.reader().stored_delivery("mill").unwrap(), None);
+    assert_eq!(shop.jobs.reader().stored_delivery("unit://10.0.0.17:7640/mill").unwrap(), None);
 }
 
 #[test]
@@ -429,6 +433,8 @@ fn received(
     text: &[u8],
 ) -> softplug_live::reservoir::ReservoirWriter {
     let (mut writer, bytes) = reservoir(64, 0, 64);
+    let port = "unit://10.0.0.17:7640/lathe".to_owned();
+    let unit = unit.map(|said| FromUnit { port, said });
     reception_writer.take(Incoming {
         lane: LaneId(1),
         link: "lathe".to_owned(),
@@ -529,6 +535,6 @@ fn what_a_unit_has_yet_is_not_waited_for_at_the_end() {
     let ReceptionWriterNews::Kept(job) = next_but_begun(&news) else { panic!("its job ends") };
     assert_eq!(job.state, State::Failed);
     assert!(matches!(next_but_begun(&news), ReceptionWriterNews::Over { .. }));
-    assert_eq!(shop.jobs.reader().stored_delivery("lathe").unwrap(), None);
+    assert_eq!(shop.jobs.reader().stored_delivery("unit://10.0.0.17:7640/lathe").unwrap(), None);
     assert_eq!(writer.consumed(), 0);
 }

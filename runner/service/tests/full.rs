@@ -82,6 +82,12 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     assert!(said.contains("what comes on \"lathe\" cannot be written: "), "{said}");
     given += writer.write(&program[given..]);
     assert_eq!((writer.level(), writer.write(&program[given..])), (10_000, 0));
+    // A unit forgets what is told as read.
+    let written: u64 = fs::read_dir(folder.path().join("receptions/lathe"))
+        .unwrap()
+        .map(|file| file.unwrap().metadata().unwrap().len())
+        .sum();
+    assert!((1..=written).contains(&writer.consumed()), "{written} of {}", writer.consumed());
     limit(None);
     assert!(matches!(next_of_writer(&news), ReceptionWriterNews::GoesOn { .. }));
     while given < program.len() {
@@ -120,6 +126,13 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     assert_eq!(job.reception.unwrap().file.as_deref(), Some("O1234"));
     let file = folder.path().join("receptions/lathe/O1234");
     assert_eq!(fs::read(file).unwrap(), b"O1234\nM30\n");
+
+    // What is told is the same each time: no name of a file that is gone again stands in it.
+    limit(Some(1));
+    let refused = || snapshots.take_all(&mut &program[..], "O2", 1 << 20).unwrap_err().to_string();
+    let told = [refused(), refused()];
+    limit(None);
+    assert!(told[0] == told[1] && told[0].contains("make room on the disk"), "{told:?}");
 
     // A job: what can't be written down does not go out.
     let data = snapshots.take_all(&mut &program[..60_000], "O1", 1 << 20).unwrap();

@@ -7,8 +7,8 @@ use proptest::prelude::*;
 use softplug_host::Digest;
 use softplug_live::units::StoredDelivery;
 use softplug_service::jobs::{
-    Advance, BeginAt, Comparison, Data, Ending, EntryFilter, Extent, Job, JobFilter, JobSpec, Jobs,
-    Keep, Kind, Left, Note, Origin, Reason, Reception, State, Subject, Weight,
+    Advance, BeginAt, Comparison, Data, Ending, EntryFilter, Extent, FromUnit, Job, JobFilter,
+    JobSpec, Jobs, Keep, Kind, Left, Note, Origin, Reason, Reception, State, Subject, Weight,
 };
 use softplug_service::programs::Snapshots;
 
@@ -470,11 +470,13 @@ fn what_was_sent_is_known_by_its_file_and_by_the_name_that_it_says_of_itself() {
 #[test]
 fn the_last_delivery_of_a_unit_that_is_stored_is_known_after_a_start() {
     let folder = tempfile::tempdir().unwrap();
-    let stored = |delivery| StoredDelivery { unit: 1 << 40, delivery: DeliveryId(delivery) };
+    let port = "unit://10.0.0.17:7640/mill";
+    let said = |delivery| StoredDelivery { unit: 1 << 40, delivery: DeliveryId(delivery) };
+    let stored = |delivery| FromUnit { port: port.to_owned(), said: said(delivery) };
     let reception = Reception { file: None, bytes: 3, is_complete: true, compared: None };
     {
         let (jobs, _) = Jobs::open(folder.path(), Keep::default()).unwrap();
-        assert_eq!(jobs.reader().stored_delivery("mill").unwrap(), None);
+        assert_eq!(jobs.reader().stored_delivery(port).unwrap(), None);
         for delivery in [3, 4] {
             let coming = jobs.receive("mill").unwrap();
             let kept =
@@ -485,6 +487,6 @@ fn the_last_delivery_of_a_unit_that_is_stored_is_known_after_a_start() {
         jobs.received(local.id, None, reception, None, None).unwrap();
     }
     let (jobs, _) = Jobs::open(folder.path(), Keep::default()).unwrap();
-    assert_eq!(jobs.reader().stored_delivery("mill").unwrap(), Some(stored(4)));
+    assert_eq!(jobs.reader().stored_delivery(port).unwrap(), Some(said(4)));
     assert_eq!(jobs.reader().stored_delivery("lathe").unwrap(), None);
 }

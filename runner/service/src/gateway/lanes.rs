@@ -79,7 +79,7 @@ impl Control {
             journal_writer.link(Subject::Port, Weight::Warning, name, remark.message);
         }
         if let PortConfig::Unit(address) = &link.config.port {
-            let stored = self.shared.parts.jobs.reader().stored_delivery(name);
+            let stored = self.shared.parts.jobs.reader().stored_delivery(&address.to_string());
             let setup = UnitSetup {
                 address: address.clone(),
                 tls: link.config.tls.clone(),

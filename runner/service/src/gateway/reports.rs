@@ -7,7 +7,7 @@ use softplug_live::units::StoredDelivery;
 use super::Control;
 use super::faults::described;
 use super::link::{After, Arriving, EndsAs, Lane};
-use crate::jobs::{Ending, Extent, Job, Left, Reason, Subject, Weight};
+use crate::jobs::{Ending, Extent, FromUnit, Job, Left, Reason, Subject, Weight};
 use crate::reception_writer::Incoming;
 use crate::supervise::{Failed, State};
 use crate::view::{Change, CheckFault, DownView, now_ms};
@@ -47,9 +47,10 @@ impl Control {
                 {
                     running.answers += 1;
                 }
-                let place = link.config.receive.clone();
+                let (place, port) = (link.config.receive.clone(), link.config.port.to_string());
                 let link = name.clone();
-                let unit = unit.map(|unit| StoredDelivery { unit, delivery });
+                let unit =
+                    unit.map(|unit| FromUnit { port, said: StoredDelivery { unit, delivery } });
                 let incoming = Incoming { lane, link, place, delivery, job, unit, bytes };
                 *self.to_put_away.entry(name).or_default() += 1;
                 self.reception_writer.take(incoming);

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use softplug_abi::JobId;
 use softplug_catalogue::is_same_program;
+use softplug_live::units::StoredDelivery;
 
 use super::State;
 use crate::programs::Data;
@@ -121,6 +122,15 @@ pub struct Extent {
     pub surely: u64,
     /// None from this byte on can have left. Written down before they are given away.
     pub maybe: u64,
+}
+
+/// A delivery as its unit numbered it, which says it again until it knows that it is stored.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct FromUnit {
+    /// The port of the link, as `unit://10.0.0.17:7640/mill`: it stays where the link is called otherwise.
+    pub port: String,
+    /// The delivery.
+    pub said: StoredDelivery,
 }
 
 /// What the link knows of a job that has ended.

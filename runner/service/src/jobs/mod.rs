@@ -31,7 +31,8 @@ pub use cell::{Arrived, CellStep, Resumed};
 pub use claims::{Claim, Claimed};
 pub use error::{JobsError, StoreError};
 pub use job::{
-    CheckFault, Comparison, Extent, Job, JobSpec, Kind, Left, Origin, Reason, Reception, Start,
+    CheckFault, Comparison, Extent, FromUnit, Job, JobSpec, Kind, Left, Origin, Reason, Reception,
+    Start,
 };
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
 pub use progress::LaneProgress;

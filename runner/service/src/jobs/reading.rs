@@ -109,18 +109,18 @@ impl JobsReader {
         self.tell(page())
     }
 
-    /// The last delivery of a link's unit that is stored.
+    /// The last delivery that is stored of what came from a unit by this port.
     ///
     /// # Errors
     /// The database cannot be read.
-    pub fn stored_delivery(&self, link: &str) -> Result<Option<StoredDelivery>, JobsError> {
+    pub fn stored_delivery(&self, port: &str) -> Result<Option<StoredDelivery>, JobsError> {
         let look = || {
             let table = match self.opened.snapshot()?.open_table(UNIT_DELIVERIES) {
                 Ok(table) => table,
                 Err(TableError::TableDoesNotExist(_)) => return Ok(None),
                 Err(error) => return Err(error.into()),
             };
-            let found = table.get(link)?.map(|found| found.value());
+            let found = table.get(port)?.map(|found| found.value());
             Ok(found
                 .map(|(unit, delivery)| StoredDelivery { unit, delivery: DeliveryId(delivery) }))
         };

@@ -3,11 +3,10 @@
 use super::store::{Change, look};
 use super::told::{note, received_note};
 use super::{
-    Job, JobSpec, Jobs, JobsError, Kind, Note, Origin, Reason, Reception, State, Step, Subject,
-    Today, Weight, created, live, now,
+    FromUnit, Job, JobSpec, Jobs, JobsError, Kind, Note, Origin, Reason, Reception, State, Step,
+    Subject, Today, Weight, created, live, now,
 };
 use softplug_abi::JobId;
-use softplug_live::units::StoredDelivery;
 
 impl Jobs {
     /// A machine sends of its own accord: a job that is under way already.
@@ -38,7 +37,7 @@ impl Jobs {
         name: Option<String>,
         reception: Reception,
         reason: Option<Reason>,
-        unit: Option<StoredDelivery>,
+        unit: Option<FromUnit>,
     ) -> Result<Job, JobsError> {
         let mut store = self.store();
         let mut job = live(&store, id, Step::End(State::Done))?;
@@ -54,9 +53,8 @@ impl Jobs {
             job.ended = Some(now());
             job.is_unseen = job.has_ended_badly();
         }
-        let stored = unit.map(|unit| (job.spec.link.clone(), unit));
         let (jobs, notes) = (vec![job.clone()], vec![note]);
-        let change = Change { jobs, notes, came, stored, ..Change::default() };
+        let change = Change { jobs, notes, came, stored: unit, ..Change::default() };
         store.write(&change, now())?;
         Ok(job)
     }

@@ -10,7 +10,6 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 use redb::{Database, ReadableDatabase, ReadableTable};
 use softplug_cell::Stop;
 use softplug_live::store::sync_folder;
-use softplug_live::units::StoredDelivery;
 
 use super::ballast::Ballast;
 use super::error::StoreError;
@@ -19,7 +18,7 @@ use super::tables::{
     CELLS, CLAIMS, DROP_FOLDERS, JOBS, JOURNAL, JobTables, NUMBERS, SENT, Sent, TODAY,
     UNIT_DELIVERIES, decoded, encoded,
 };
-use super::{Entry, Job, Keep, Note};
+use super::{Entry, FromUnit, Job, Keep, Note};
 use crate::programs::Today;
 use crate::view::DAY;
 
@@ -47,7 +46,7 @@ pub(super) struct Change {
     /// Link, receptions that began and bytes of those that ended.
     pub(super) came: Option<(String, u64, u64)>,
     /// A link, and the last delivery of its unit that is stored.
-    pub(super) stored: Option<(String, StoredDelivery)>,
+    pub(super) stored: Option<FromUnit>,
     /// A cell as it is now, encoded.
     pub(super) cell: Option<(String, Vec<u8>)>,
     /// Where the feeds of these jobs stop.
@@ -191,8 +190,9 @@ impl JobStore {
                 for (id, stops) in &change.stops {
                     jobs.put_stops(*id, stops)?;
                 }
-                if let Some((link, StoredDelivery { unit, delivery })) = &change.stored {
-                    writing.open_table(UNIT_DELIVERIES)?.insert(&**link, (*unit, delivery.0))?;
+                if let Some(FromUnit { port, said }) = &change.stored {
+                    let row = (said.unit, said.delivery.0);
+                    writing.open_table(UNIT_DELIVERIES)?.insert(&**port, row)?;
                 }
                 if let Some((name, cell)) = &change.cell {
                     writing.open_table(CELLS)?.insert(&**name, &**cell)?;

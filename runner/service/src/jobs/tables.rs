@@ -25,7 +25,7 @@ pub(super) const SENT: TableDefinition<(&str, &str), &[u8]> = TableDefinition::n
 pub(super) const NUMBERS: TableDefinition<&str, u64> = TableDefinition::new("numbers");
 /// What a link has received on a day: the day's number, receptions, bytes.
 pub(super) const TODAY: TableDefinition<&str, (u64, u64, u64)> = TableDefinition::new("today");
-/// By link: the identity of its unit, and the last delivery of it that is stored.
+/// By port of a link: the identity of its unit, and the last delivery of it that is stored.
 pub(super) const UNIT_DELIVERIES: TableDefinition<&str, (u64, u32)> =
     TableDefinition::new("unit-deliveries");
 

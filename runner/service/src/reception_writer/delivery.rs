@@ -7,15 +7,16 @@ use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_live::reactor::LaneId;
 use softplug_live::reservoir::{Drawn, ReservoirReader};
 use softplug_live::store::Mark;
-use softplug_live::units::StoredDelivery;
 use thiserror::Error;
 
 use super::{Incoming, ReceptionWriterNews, Stores};
-use crate::jobs::{Comparison, JobsError, Reason, Reception};
+use crate::jobs::{Comparison, FromUnit, JobsError, Reason, Reception};
 use crate::programs::{Arrival, Arrived, OverQuota, ProgramError, first_difference};
 
-/// Turns of one delivery before the next has its turn, in buffers.
+/// Turns of one delivery before the next has its turn.
 const TURNS: usize = 4;
+/// Bytes of one turn at most.
+const PIECE: usize = 64 << 10;
 
 pub(super) struct Delivery {
     pub(super) lane: LaneId,
@@ -23,7 +24,7 @@ pub(super) struct Delivery {
     pub(super) link: String,
     place: String,
     answers: Option<JobId>,
-    unit: Option<StoredDelivery>,
+    unit: Option<FromUnit>,
     bytes: ReservoirReader,
     pub(super) name: Option<String>,
     end: Option<End>,
@@ -33,8 +34,6 @@ pub(super) struct Delivery {
     pub(super) retry_at: Option<std::time::Instant>,
     /// That was told.
     pub(super) is_told: bool,
-    /// Read, and not yet written.
-    pending: Vec<u8>,
     written: u64,
     stage: Stage,
 }
@@ -104,7 +103,6 @@ impl Delivery {
             is_woken: true,
             retry_at: None,
             is_told: false,
-            pending: Vec::new(),
             written: 0,
             stage: Stage::New,
         }
@@ -130,7 +128,6 @@ impl Delivery {
     pub(super) fn work(
         &mut self,
         stores: &Stores,
-        buffer: &mut [u8],
         is_last: bool,
         tell: &mut dyn FnMut(ReceptionWriterNews),
     ) -> Result<Next, NotPutAway> {
@@ -148,7 +145,7 @@ impl Delivery {
             self.stage = Stage::Coming(job, Box::new(arrival));
         }
         if let Stage::Coming(..) = self.stage
-            && let Some(next) = self.take(stores, buffer)?
+            && let Some(next) = self.take(stores)?
         {
             return Ok(next);
         }
@@ -174,19 +171,15 @@ impl Delivery {
 
     /// Its unit has said it before, to another lane of the link, and it is stored since.
     fn is_stored(&self, stores: &Stores) -> Result<bool, JobsError> {
-        let Some(said) = self.unit else { return Ok(false) };
-        Ok(stores.jobs.reader().stored_delivery(&self.link)?.is_some_and(|last| last.covers(said)))
+        let Some(FromUnit { port, said }) = &self.unit else { return Ok(false) };
+        let stored = stores.jobs.reader().stored_delivery(port)?;
+        Ok(stored.is_some_and(|last| last.covers(*said)))
     }
 
     /// Writes what there is; `None` when that was all.
-    fn take(&mut self, stores: &Stores, buffer: &mut [u8]) -> Result<Option<Next>, NotPutAway> {
+    fn take(&mut self, stores: &Stores) -> Result<Option<Next>, NotPutAway> {
         let Stage::Coming(_, arrival) = &mut self.stage else { return Ok(None) };
         let cannot = |error| NotPutAway::Write { link: self.link.clone(), error };
-        if !self.pending.is_empty() {
-            arrival.write(&self.pending).map_err(cannot)?;
-            self.written += self.pending.len() as u64;
-            self.pending.clear();
-        }
         for _ in 0..TURNS {
             let room = if self.end.is_some() {
                 // No more comes than has been taken of the machine already.
@@ -199,16 +192,11 @@ impl Delivery {
                     Err(_) => 1,
                 }
             };
-            let most = usize::try_from(room).unwrap_or(usize::MAX).min(buffer.len());
-            match self.bytes.read(&mut buffer[..most]) {
-                Drawn::Bytes(count) => {
-                    let bytes = &buffer[..count];
-                    if let Err(error) = arrival.write(bytes) {
-                        self.pending.extend_from_slice(bytes);
-                        return Err(cannot(error));
-                    }
-                    self.written += count as u64;
-                }
+            let most = usize::try_from(room).unwrap_or(usize::MAX).min(PIECE);
+            // Only what is written counts as read: a unit forgets what is told of it.
+            let drawn = self.bytes.read_into(most, |bytes| arrival.write(bytes));
+            match drawn.map_err(cannot)? {
+                Drawn::Bytes(count) => self.written += count as u64,
                 // The lane says when it ends, and closes the buffer before.
                 _ if self.end.is_none() => return Ok(Some(Next::Woken)),
                 Drawn::Later | Drawn::End | Drawn::Failed => return Ok(None),
@@ -243,16 +231,12 @@ impl Delivery {
     pub(super) fn give_up(
         &mut self,
         stores: &Stores,
-        buffer: &mut [u8],
         why: &NotPutAway,
         tell: &mut dyn FnMut(ReceptionWriterNews),
     ) -> Loss {
-        let mut bytes = std::mem::take(&mut self.pending).len() as u64;
-        let is_of_unit = self.unit.is_some();
         // What was not read of a unit's is in the unit yet.
-        while !is_of_unit && let Drawn::Bytes(count) = self.bytes.read(buffer) {
-            bytes += count as u64;
-        }
+        let is_of_unit = self.unit.is_some();
+        let bytes = if is_of_unit { 0 } else { self.bytes.level() as u64 };
         let what = if bytes > 0 {
             format!("{why}; {bytes} bytes of it are lost")
         } else {
@@ -322,7 +306,8 @@ impl Delivery {
         };
         let name = arrived.name.clone();
         // Of what was given up here, its unit still has the rest.
-        let unit = self.unit.filter(|_| self.end.as_ref().is_some_and(|end| end.bytes.is_some()));
+        let unit =
+            self.unit.clone().filter(|_| self.end.as_ref().is_some_and(|end| end.bytes.is_some()));
         match stores.jobs.received(JobId(*job), name, reception, reason.clone(), unit) {
             Ok(job) => tell(ReceptionWriterNews::Kept(Box::new(job))),
             Err(error @ (JobsError::Disk(_) | JobsError::Store(_))) => return Err(error.into()),

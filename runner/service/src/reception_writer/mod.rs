@@ -17,9 +17,8 @@ use std::time::{Duration, Instant};
 use softplug_abi::{DeliveryId, Failure, JobId};
 use softplug_live::reactor::LaneId;
 use softplug_live::reservoir::ReservoirReader;
-use softplug_live::units::StoredDelivery;
 
-use crate::jobs::{Job, Jobs};
+use crate::jobs::{FromUnit, Job, Jobs};
 use crate::programs::{Quotas, Receptions, Snapshots};
 use crate::wakes::{SLOTS, Wakes};
 use delivery::{Delivery, Loss, Next};
@@ -41,7 +40,7 @@ pub struct Incoming {
     /// The job that it answers.
     pub job: Option<JobId>,
     /// The unit that it comes from, which says it again until it knows that it is stored.
-    pub unit: Option<StoredDelivery>,
+    pub unit: Option<FromUnit>,
     /// Its bytes.
     pub bytes: ReservoirReader,
 }
@@ -203,9 +202,11 @@ struct Worker<T> {
 }
 
 /// What one link brought, in its order: only the first is put away, so that a link takes one
-/// place however much of it waits, and what its unit says again comes behind what it said before.
+/// place however much of it waits. What a unit says again comes behind what it said before, whatever
+/// its link is called by now.
 struct Place {
-    link: String,
+    /// The link's name, or its port at a unit.
+    origin: String,
     deliveries: VecDeque<Delivery>,
 }
 
@@ -216,20 +217,20 @@ impl Place {
 
     /// Leaves the first one, which is over; whether that was the last one too.
     fn leave_first(&mut self, tell: &mut dyn FnMut(ReceptionWriterNews)) -> bool {
-        self.deliveries.pop_front();
-        tell(ReceptionWriterNews::Over { link: self.link.clone() });
+        if let Some(Delivery { link, .. }) = self.deliveries.pop_front() {
+            tell(ReceptionWriterNews::Over { link });
+        }
         self.deliveries.is_empty()
     }
 }
 
 impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
     fn run(mut self, requests: &Receiver<Request>) {
-        let mut buffer = vec![0; 64 * 1024];
         loop {
             let mut is_over = false;
             loop {
                 match requests.try_recv() {
-                    Ok(request) => self.handle(request, &mut buffer),
+                    Ok(request) => self.handle(request),
                     Err(TryRecvError::Empty) => break,
                     Err(TryRecvError::Disconnected) => {
                         is_over = true;
@@ -238,7 +239,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                 }
             }
             if is_over {
-                return self.clear_up(&mut buffer, true);
+                return self.clear_up(true);
             }
             for slot in self.wakes.take() {
                 let place = self.links.get_mut(slot).and_then(Option::as_mut);
@@ -246,7 +247,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                     delivery.is_woken = true;
                 }
             }
-            let retry = self.serve(&mut buffer);
+            let retry = self.serve();
             match retry {
                 None if self.links.iter_mut().flatten().any(is_woken) => {}
                 None => thread::park(),
@@ -257,7 +258,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
         }
     }
 
-    fn handle(&mut self, request: Request, buffer: &mut [u8]) {
+    fn handle(&mut self, request: Request) {
         match request {
             Request::Take(incoming) => self.take_on(*incoming),
             Request::Name { lane, delivery, name } => {
@@ -276,7 +277,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                 }
             }
             Request::Finish => self.finish(),
-            Request::GiveUp => self.clear_up(buffer, false),
+            Request::GiveUp => self.clear_up(false),
         }
     }
 
@@ -304,8 +305,9 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
     }
 
     fn take_on(&mut self, incoming: Incoming) {
+        let origin = incoming.unit.as_ref().map_or(&incoming.link, |unit| &unit.port);
         let is_its =
-            |place: &Option<Place>| place.as_ref().is_some_and(|place| place.link == incoming.link);
+            |place: &Option<Place>| place.as_ref().is_some_and(|place| place.origin == *origin);
         let own = self.links.iter().position(is_its);
         let slot = own.or_else(|| self.links.iter().position(Option::is_none));
         let slot = slot.unwrap_or(self.links.len());
@@ -318,10 +320,8 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
         if slot == self.links.len() {
             self.links.push(None);
         }
-        let place = self.links[slot].get_or_insert_with(|| Place {
-            link: incoming.link.clone(),
-            deliveries: VecDeque::new(),
-        });
+        let place = self.links[slot]
+            .get_or_insert_with(|| Place { origin: origin.clone(), deliveries: VecDeque::new() });
         // A link has one at a time: what is still open there never got its end.
         for delivery in &mut place.deliveries {
             delivery.end(Some(Failure::Interrupted), 0, None);
@@ -334,7 +334,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
     }
 
     /// Gives each its turn; tells when the first of those that the disk refused is tried again.
-    fn serve(&mut self, buffer: &mut [u8]) -> Option<Instant> {
+    fn serve(&mut self) -> Option<Instant> {
         let now = Instant::now();
         let mut retry: Option<Instant> = None;
         for slot in &mut self.links {
@@ -344,7 +344,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                 continue;
             }
             delivery.is_woken = false;
-            let is_over = match delivery.work(&self.stores, buffer, self.is_last, &mut self.tell) {
+            let is_over = match delivery.work(&self.stores, self.is_last, &mut self.tell) {
                 Ok(next) => {
                     delivery.is_told = false;
                     if delivery.retry_at.take().is_some() {
@@ -354,7 +354,7 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
                     matches!(next, Next::Over)
                 }
                 Err(why) if self.is_last && delivery.is_in_unit() => {
-                    delivery.give_up(&self.stores, buffer, &why, &mut self.tell);
+                    delivery.give_up(&self.stores, &why, &mut self.tell);
                     true
                 }
                 Err(error) => {
@@ -376,19 +376,19 @@ impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
     }
 
     /// The last attempt: what cannot be put away now is given up. `is_alone`: nobody hears of it.
-    fn clear_up(&mut self, buffer: &mut [u8], is_alone: bool) {
+    fn clear_up(&mut self, is_alone: bool) {
         self.finish();
         for mut place in std::mem::take(&mut self.links).into_iter().flatten() {
             while let Some(delivery) = place.first() {
                 let why = loop {
-                    match delivery.work(&self.stores, buffer, true, &mut self.tell) {
+                    match delivery.work(&self.stores, true, &mut self.tell) {
                         Ok(Next::Again) => {}
                         Ok(Next::Woken | Next::Over) => break None,
                         Err(why) => break Some(why),
                     }
                 };
                 if let Some(why) = why {
-                    let loss = delivery.give_up(&self.stores, buffer, &why, &mut self.tell);
+                    let loss = delivery.give_up(&self.stores, &why, &mut self.tell);
                     let (link, why) = (delivery.link.clone(), why.to_string());
                     let Loss { job, bytes } = loss;
                     if is_alone {

@@ -194,6 +194,34 @@ fn what_a_unit_has_of_a_reception_while_the_gateway_starts_anew_is_kept_too() {
 }
 
 #[test]
+fn a_reception_that_waits_while_its_link_gets_another_name_is_kept_once() {
+    let (unit, pty) = TestUnit::with_pty();
+    let lines = "plugin = \"xon-xoff\"\nquota = { receptions = 1 }\n";
+    let shop = Shop::of_links("", &[(&unit.port, lines)], vec![pty]);
+    let (gateway, link) = (shop.gateway(), Shop::name(0));
+    let kept = |link: &str| match fs::read_dir(shop.path("state/receptions").join(link)) {
+        Ok(files) => {
+            files.filter(|file| !file.as_ref().unwrap().path().ends_with("partial")).count()
+        }
+        Err(_) => 0,
+    };
+    let is_idle = |link: &str| gateway.link(link).unwrap().state == LinkState::Idle;
+    shop.write(0, b"N1 G1\n");
+    wait_for("the first", || kept(&link) == 1 && is_idle(&link));
+    shop.write(0, b"N2 G1\n");
+    let waits = "\"link-0\" receives cannot be put away";
+    wait_for("the second", || journal_says(gateway, waits) && is_idle(&link));
+    shop.configure(|text| text.replace("name = \"link-0\"", "name = \"mill\""));
+    gateway.reload().unwrap();
+    wait_for("it is put away", || kept(&link) == 2);
+    wait_for("the link", || is_idle("mill"));
+    // Behind all that the unit says again.
+    shop.write(0, b"N3 G1\n");
+    wait_for("the third", || !gateway.receptions("mill").unwrap().is_empty() && is_idle("mill"));
+    assert_eq!((kept(&link), kept("mill")), (2, 1));
+}
+
+#[test]
 fn the_panel_gets_the_program_that_it_asks_for() {
     let panel = Machine::fanuc();
     let unit = TestUnit::with(&panel.port, "9600 8N2");

@@ -76,11 +76,12 @@ impl Connection {
         lanes.chain(self.at).chain(self.session.poll_timeout()).min()
     }
 
-    pub(super) fn add(&mut self, lane: UnitLane, thread: &Thread) {
-        self.lanes.push(lane);
-        if self.session.is_up() {
+    pub(super) fn add(&mut self, mut lane: UnitLane, thread: &Thread) {
+        if let Some(peer) = self.peer.filter(|_| self.session.is_up()) {
+            lane.session_began(peer, true, thread);
             self.outbox.push(&ToUnit::Query {}, false);
         }
+        self.lanes.push(lane);
         self.speak(thread);
     }
 
