@@ -63,7 +63,9 @@ impl SessionsDigest {
 
     fn numbers<const N: usize>(&mut self, kind: u8, numbers: [u64; N]) {
         self.bytes.push(kind);
-        numbers.into_iter().for_each(|number| self.number(number));
+        for number in numbers {
+            self.number(number);
+        }
     }
 
     fn number(&mut self, number: u64) {

@@ -102,7 +102,7 @@ impl PartialFile {
     /// As for [`rename_over`](Self::rename_over); [`AlreadyExists`](io::ErrorKind::AlreadyExists) where
     /// the name is taken.
     pub fn rename_to_new(&mut self, to: &Path) -> io::Result<()> {
-        self.rename(to, |from, to| rename_to_new(from, to))
+        self.rename(to, rename_to_new)
     }
 
     /// Gives it a name, in the place of the file that has it.
