@@ -78,7 +78,7 @@ impl Partner {
     }
 
     /// Sends the block, which must not be acknowledged; what the command says.
-    fn is_not_acknowledged(self) -> String {
+    fn refused(self) -> String {
         self.pty.write(&BLOCK).unwrap();
         let ran = ended(self.receives).with_code(2);
         let rest = self.pty.read(&mut [0; 16]).unwrap();
@@ -104,7 +104,7 @@ fn a_file_that_cannot_get_its_name_is_not_acknowledged() {
     let bench = Bench::new();
     let partner = Partner::begin(&bench, &[]);
     bench.write("O1.bin", "theirs");
-    let said = partner.is_not_acknowledged();
+    let said = partner.refused();
     assert!(said.contains("another file of this name came up meanwhile"), "{said}");
     assert!(said.contains("what came is in O1.bin.failed"), "{said}");
     assert_eq!(bench.names(), ["O1.bin", "O1.bin.failed"]);
@@ -119,7 +119,7 @@ fn what_somebody_puts_in_the_place_of_the_file_does_not_get_its_name() {
         let partner = Partner::begin(&bench, options);
         bench.write("other", "theirs");
         rename(bench.path("other"), bench.path("O1.bin.partial")).unwrap();
-        let said = partner.is_not_acknowledged();
+        let said = partner.refused();
         assert!(said.contains("somebody removed or replaced O1.bin.partial"), "{said}");
         assert_eq!(bench.names(), ["O1.bin.failed", "O1.bin.partial"]);
         assert_eq!(bench.read("O1.bin.partial"), b"theirs");
