@@ -265,8 +265,8 @@ impl ReservoirReader {
         drawn
     }
 
-    /// Hands what is there to `put`, of which the reader takes at most `most` bytes, at least 1, at one time.
-    /// They count as read, and leave the buffer, when it has succeeded.
+    /// Hands what is there to `put`, at most `most` bytes, which is not 0. They count as read, and leave the
+    /// buffer, when it has succeeded.
     ///
     /// # Errors
     /// That of `put`.
