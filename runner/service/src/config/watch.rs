@@ -1,7 +1,6 @@
 //! Notices when the configuration's file is changed, or another put in its place.
 
 use std::ffi::OsString;
-use std::fs::File;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread;
@@ -10,6 +9,8 @@ use std::time::{Duration, Instant};
 use notify::event::{AccessKind, AccessMode, ModifyKind};
 use notify::{Event, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 use softplug_live::store::{FileState, is_open_for_writing};
+
+use crate::disk;
 
 /// Editors write in several steps: the file is read when it has been left alone
 /// for so long.
@@ -88,28 +89,33 @@ fn settle(file: &Path, mut known: Option<FileState>, changes: &Receiver<Seen>, c
             Err(RecvTimeoutError::Disconnected) => return,
         };
         let mut since = Instant::now();
+        known = state(file);
         loop {
             match changes.recv_timeout(SETTLED) {
-                Ok(next) => (seen, since) = (next, Instant::now()),
-                Err(RecvTimeoutError::Timeout) if state(file) != known => {
-                    (known, since) = (state(file), Instant::now());
+                Ok(next) => (seen, since, known) = (next, Instant::now(), state(file)),
+                Err(RecvTimeoutError::Timeout) => {
+                    let now = state(file);
+                    if now != known {
+                        (since, known) = (Instant::now(), now);
+                    } else if is_whole(file, seen) || since.elapsed() >= UNCLOSED {
+                        break;
+                    }
                 }
-                Err(_) if is_whole(file, seen) || since.elapsed() >= UNCLOSED => break,
-                Err(_) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
             }
         }
         changed();
     }
 }
 
-/// `None`: there is none, or it cannot be read.
+/// `None`: there is no file, or it cannot be read.
 fn state(file: &Path) -> Option<FileState> {
-    FileState::of(&File::open(file).ok()?).ok()
+    FileState::of(&disk::open(file).ok()?).ok()
 }
 
 /// Whether nobody writes it, as far as the system tells.
 fn is_whole(file: &Path, seen: Seen) -> bool {
-    let opened = File::open(file).ok();
+    let opened = disk::open(file).ok();
     let is_open = opened.and_then(|file| is_open_for_writing(&file));
     is_open.map_or(seen == Seen::Whole, |is_open| !is_open)
 }
@@ -117,7 +123,7 @@ fn is_whole(file: &Path, seen: Seen) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::fs;
+    use std::fs::{self, File};
     use std::io::Write as _;
 
     #[test]
@@ -155,6 +161,18 @@ mod tests {
         }
         drop(writer);
         told.recv_timeout(Duration::from_mins(1)).unwrap();
+    }
+
+    #[test]
+    fn who_is_dropped_tells_nothing_any_more() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("gateway.toml");
+        let (to, told) = channel();
+        let watch = FileWatch::start(&file, move || to.send(()).unwrap()).unwrap();
+        let mut writer = File::create(&file).unwrap();
+        writer.write_all(b"half").unwrap();
+        drop(watch);
+        assert_eq!(told.recv_timeout(UNCLOSED * 2), Err(RecvTimeoutError::Disconnected));
     }
 
     #[test]
