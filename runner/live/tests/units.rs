@@ -114,6 +114,7 @@ struct Played {
     units: Option<Units>,
     reports: Receiver<(LaneId, Report)>,
     thread: Option<JoinHandle<()>>,
+    unit: UnitPlace,
 }
 
 /// A unit at which nobody is yet, and its thread.
@@ -148,22 +149,19 @@ impl Played {
             let _ = tell.send((lane, report));
         })
         .unwrap();
-        let address = UnitAddress { unit, link: Some("mill".into()) };
+        let played = Self { units: Some(units), reports, thread, unit };
+        played.add(LANE, module, stored);
+        played
+    }
+
+    /// Drives its link, with another lane than the one that does if there is one.
+    fn add(&self, lane: LaneId, module: &[u8], stored: Option<StoredDelivery>) {
+        let address = UnitAddress { unit: self.unit.clone(), link: Some("mill".into()) };
         let plugin = plugin(module);
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_secs(1) };
-        units.add(
-            LANE,
-            UnitSetup {
-                address,
-                plugin,
-                delivery_room: 4_096,
-                stored,
-                reopen,
-                bus: None,
-                tls: None,
-            },
-        );
-        Self { units: Some(units), reports, thread }
+        let (delivery_room, bus, tls) = (4_096, None, None);
+        let setup = UnitSetup { address, plugin, delivery_room, stored, reopen, bus, tls };
+        self.units.as_ref().unwrap().add(lane, setup);
     }
 
     fn until<T>(&self, find: impl Fn(&Report) -> Option<T>) -> T {
@@ -344,6 +342,25 @@ fn a_delivery_that_the_gateway_before_has_stored_is_not_kept() {
     let answers: Answers = |message, outbox| says_again(message, outbox, &OTHER);
     let played = Played::that_knows::<1024>(b"wasm", Some(stored), answers);
     assert_eq!(kept(&played).len(), 2);
+}
+
+/// As one that comes when its link is called otherwise.
+#[test]
+fn a_lane_that_comes_to_a_session_knows_whose_deliveries_it_takes() {
+    let played = Played::with(|message, outbox| {
+        honest(message, outbox, "mill");
+        if let ToUnit::Query {} = message {
+            let (link, delivery, job, at, name) = (0, 1, 0, 0, "");
+            outbox.push(&ToServer::Delivery { link, delivery, job, at, name }, false);
+        }
+    });
+    let whose = |report: &Report| match report {
+        Report::DeliveryBegun { unit, .. } => Some(*unit),
+        _ => None,
+    };
+    assert_eq!(played.until(whose), Some(2));
+    played.add(LaneId(2), b"wasm", None);
+    assert_eq!(played.until(whose), Some(2));
 }
 
 /// A unit whose machine asks for something, and that asks again when it is answered, as one does that

@@ -22,8 +22,8 @@ pub(super) struct Flood;
 
 /// Deliveries of a link, by the unit's number.
 pub(super) struct Arrivals {
-    /// The identity of the unit that numbers them.
-    unit: u64,
+    /// The identity of the unit that numbers them; `None` until there is a session.
+    unit: Option<u64>,
     arriving: BTreeMap<DeliveryId, Arriving>,
     /// The last one that is stored whole, and with it all that the unit numbered before.
     stored: Option<StoredDelivery>,
@@ -48,12 +48,12 @@ struct Arriving {
 
 impl Arrivals {
     pub(super) fn new(stored: Option<StoredDelivery>) -> Self {
-        Self { unit: 0, arriving: BTreeMap::new(), stored }
+        Self { unit: None, arriving: BTreeMap::new(), stored }
     }
 
     /// A session has begun with this unit.
     pub(super) fn session_began(&mut self, unit: u64) {
-        self.unit = unit;
+        self.unit = Some(unit);
     }
 
     /// It is announced, for the first time or again. What is to be reported.
@@ -70,15 +70,15 @@ impl Arrivals {
             return Err(Flood);
         }
         let unit = self.unit;
-        let said = StoredDelivery { unit, delivery };
-        let is_known = self.stored.is_some_and(|last| last.covers(said));
+        let said = unit.map(|unit| StoredDelivery { unit, delivery });
+        let is_known = self.stored.zip(said).is_some_and(|(last, said)| last.covers(said));
         let mut reports = Vec::new();
         let arriving = self.arriving.entry(delivery).or_insert_with(|| {
             let room = room as usize;
             let (writer, bytes) = reservoir(room, 0, room);
             writer.wake_with(waker.clone());
             if !is_known {
-                reports.push(Report::DeliveryBegun { delivery, job, unit: Some(unit), bytes });
+                reports.push(Report::DeliveryBegun { delivery, job, unit, bytes });
             }
             Arriving {
                 writer,
@@ -158,8 +158,10 @@ impl Arrivals {
                 let until = arriving.came;
                 let message = ToUnit::Stored { link, delivery: delivery.0, until, is_whole: true };
                 outbox.push(&message, false);
-                let said = StoredDelivery { unit, delivery };
-                *stored = stored.filter(|last| last.covers(said)).or(Some(said));
+                if let Some(unit) = unit {
+                    let said = StoredDelivery { unit, delivery };
+                    *stored = stored.filter(|last| last.covers(said)).or(Some(said));
+                }
                 return false;
             }
             let until =

@@ -45,7 +45,7 @@ pub(super) struct Change {
     pub(super) sent: Vec<(String, String, Sent)>,
     /// Link, receptions that began and bytes of those that ended.
     pub(super) came: Option<(String, u64, u64)>,
-    /// A link, and the last delivery of its unit that is stored.
+    /// A delivery of a unit that is stored, and with it all that came from there before.
     pub(super) stored: Option<FromUnit>,
     /// A cell as it is now, encoded.
     pub(super) cell: Option<(String, Vec<u8>)>,

@@ -199,26 +199,32 @@ fn a_reception_that_waits_while_its_link_gets_another_name_is_kept_once() {
     let lines = "plugin = \"xon-xoff\"\nquota = { receptions = 1 }\n";
     let shop = Shop::of_links("", &[(&unit.port, lines)], vec![pty]);
     let (gateway, link) = (shop.gateway(), Shop::name(0));
-    let kept = |link: &str| match fs::read_dir(shop.path("state/receptions").join(link)) {
-        Ok(files) => {
-            files.filter(|file| !file.as_ref().unwrap().path().ends_with("partial")).count()
-        }
-        Err(_) => 0,
+    let kept = || {
+        let folders = [&*link, "mill"].map(|link| shop.path("state/receptions").join(link));
+        let files = folders.iter().filter_map(|folder| fs::read_dir(folder).ok()).flatten();
+        let whole =
+            files.map(|file| file.unwrap().path()).filter(|file| file.extension().is_none());
+        let mut texts: Vec<_> = whole.map(|file| fs::read_to_string(file).unwrap()).collect();
+        texts.sort_unstable();
+        texts
     };
     let is_idle = |link: &str| gateway.link(link).unwrap().state == LinkState::Idle;
     shop.write(0, b"N1 G1\n");
-    wait_for("the first", || kept(&link) == 1 && is_idle(&link));
+    wait_for("the first", || kept() == ["N1 G1\n"] && is_idle(&link));
     shop.write(0, b"N2 G1\n");
-    let waits = "\"link-0\" receives cannot be put away";
-    wait_for("the second", || journal_says(gateway, waits) && is_idle(&link));
-    shop.configure(|text| text.replace("name = \"link-0\"", "name = \"mill\""));
+    wait_for("the second", || journal_says(gateway, "\"link-0\" receives cannot be put away"));
+    wait_for("its end", || is_idle(&link));
+    shop.configure(|text| {
+        let text = text.replace("name = \"link-0\"", "name = \"mill\"");
+        text.replace("quota = { receptions = 1 }\n", "")
+    });
     gateway.reload().unwrap();
-    wait_for("it is put away", || kept(&link) == 2);
     wait_for("the link", || is_idle("mill"));
     // Behind all that the unit says again.
     shop.write(0, b"N3 G1\n");
-    wait_for("the third", || !gateway.receptions("mill").unwrap().is_empty() && is_idle("mill"));
-    assert_eq!((kept(&link), kept("mill")), (2, 1));
+    wait_for("the third", || kept().iter().any(|text| text.starts_with("N3")) && is_idle("mill"));
+    wait_for("the second", || kept().iter().any(|text| text.starts_with("N2")));
+    assert_eq!(kept(), ["N1 G1\n", "N2 G1\n", "N3 G1\n"]);
 }
 
 #[test]
