@@ -1,5 +1,5 @@
-//! What a session shows outside, as digests have it on every machine: a number for the kind, then
-//! its fields; numbers have eight bytes, least first, and texts stand behind their length.
+//! What a session shows outside, as digests have it on every machine: when, a byte for the kind, then
+//! its fields. A character has one byte, numbers have eight, least first, and texts stand behind their length.
 
 use sha2::{Digest as _, Sha256};
 use softplug_abi::{Failure, Micros};
@@ -37,7 +37,7 @@ impl SessionsDigest {
             Effect::Delivered { id, bytes, name, failure, status } => {
                 self.numbers(3, [u64::from(*id), code(*failure), u64::from(*status)]);
                 self.text(bytes);
-                self.numbers(u8::from(name.is_some()), []);
+                self.bytes.push(name.is_some().into());
                 self.text(name.as_deref().unwrap_or_default().as_bytes());
             }
             Effect::Done { job, sent } => self.numbers(4, [u64::from(*job), *sent]),
